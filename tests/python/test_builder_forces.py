@@ -86,14 +86,20 @@ def test_names_of_unnamed_forces_differ() -> None:
 
 
 def test_tables_become_the_cubics_of_scipy() -> None:
-    """Forces: PCHIP. Motions: not-a-knot. Evaluated from the description as the core does it."""
+    """PCHIP by default, not-a-knot on request. Evaluated from the description as the core does it."""
     times, values = np.array([0.0, 0.5, 1.5, 2.0, 4.0]), np.array([0.0, 1.0, -1.0, 2.0, 2.0])
     m = pendulum()
     m.add_torque("A", (times, values))
+    m.add_torque("A", (times, values), interpolation="spline")
     m.add_drive("A", (times, values))
+    other = pendulum()
+    other.add_drive("A", (times, values), interpolation="spline")
+    monotone, spline = PchipInterpolator(times, values), CubicSpline(times, values)
     for table, curve in (
-        (forces(m)[0]["value"]["table"], PchipInterpolator(times, values)),
-        (m.to_spec()["drives"][0]["motion"]["table"], CubicSpline(times, values)),
+        (forces(m)[0]["value"]["table"], monotone),
+        (forces(m)[1]["value"]["table"], spline),
+        (m.to_spec()["drives"][0]["motion"]["table"], monotone),
+        (other.to_spec()["drives"][0]["motion"]["table"], spline),
     ):
         breaks, rows = np.array(table["breaks"]), np.array(table["coefficients"])
         for t in np.linspace(0.0, 3.999, 41):

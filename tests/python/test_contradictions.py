@@ -128,7 +128,7 @@ def followed(off: float) -> pt.Mechanism:
     m.add_drive("A", position=lambda t: 2.0 * t)
     t = np.linspace(0.0, 1.2, 400)
     angle = m.simulate(1.2, t_eval=t, rtol=1e-13, atol=1e-13).joint("D").position[:, 0]
-    m.add_drive("D", position=(t, angle + off * t**2))
+    m.add_drive("D", position=(t, angle + off * t**2), interpolation="spline")
     return m
 
 

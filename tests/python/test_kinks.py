@@ -118,7 +118,7 @@ def test_a_spline_of_scipy_is_taken_as_the_cubics_it_is_made_of() -> None:
     runs = []
     for position in (spline, (BREAKPOINTS, np.sin(3.0 * BREAKPOINTS))):
         m = four_bar(POINTS)
-        m.add_drive("A", position=position)
+        m.add_drive("A", position=position, interpolation="spline")
         runs.append(m.simulate(1.0, t_eval=[0.0, 0.5, 1.0]))
     for run in runs:
         assert run.success and run.counters["evaluations"] == runs[0].counters["evaluations"] < 1000

@@ -123,7 +123,7 @@ def test_a_table_follows_what_it_was_sampled_from(coordinates: str) -> None:
     ball = m.add_body("ball", mass=MASS, inertia=INERTIA, com=COM)
     m.add_spherical("S", m.ground, ball, point=(0, 0, 0))
     law = Rotation.from_rotvec([[np.sin(t), 0.4 * t * t, np.cos(2 * t)] for t in times])
-    m.add_drive("S", pose=(times, law))
+    m.add_drive("S", pose=(times, law), interpolation="spline")
     run = m.simulate(3.0, t_eval=TIMES[2:10], coordinates=coordinates)
     assert run.success
     quaternion = run.joint("S").position

@@ -78,7 +78,7 @@ def test_a_load_is_joined_smoothly_also_from_files_and_after_changes(tmp_path: P
     off = [np.abs(one.force("push").effort - 3.0 * np.cos(4.0 * one.t)).max() for one in (run, plain)]
     assert off[0] < 4e-9 and off[1] > 1e-6  # plain tables of loads are joined without overshoot
     again = pt.load(m.save(tmp_path / "shaker.toml").path)
-    assert again.to_spec() == m.to_spec() and 'curve = "smooth"' in (tmp_path / "shaker.toml").read_text()
+    assert again.to_spec() == m.to_spec() and 'interpolation = "spline"' in (tmp_path / "shaker.toml").read_text()
     m.bodies["plate"].mass = 3.0
     m.bodies["plate"].mass = 2.0
     assert again.to_spec() == m.to_spec()
@@ -105,7 +105,7 @@ def test_a_drive_and_a_cam() -> None:
     drive = next(iter(m.drives.values()))
     drive.change(position=None, velocity=pt.table(lambda t: 0.01 * np.cos(t), 0.0, 3.0))
     assert np.abs(m.simulate(3.0).joint("guide").displacement - 0.01 * np.sin(run.t)).max() < 1e-9
-    assert not isinstance(drive.velocity, SampledTable)  # smooth in any case
+    assert isinstance(drive.velocity, SampledTable)
 
 
 def accelerated(law: Any, rate: float = 0.1) -> pt.Mechanism:
@@ -131,7 +131,7 @@ def test_a_drive_of_accelerations_keeps_the_error_of_its_table(tmp_path: Path) -
     for each in (m, straight):
         path = each.save(tmp_path / "shaker.toml").path
         assert pt.load(path).to_spec() == each.to_spec()
-        assert ('curve = "smooth"' in path.read_text("utf-8")) == (each is m)
+        assert ('interpolation = "spline"' in path.read_text("utf-8")) == (each is m)
         assert isinstance(each.drives["motor"].acceleration, SampledTable) == (each is m)
         wanted = each.to_spec()
         each.bodies["plate"].mass = 3.0

@@ -193,6 +193,14 @@ impl ExplicitRungeKutta {
         (h, self.t_old + h)
     }
 
+    /// The discontinuity at t, which may have been found up to rounding: a step that ends beside it cannot go on.
+    fn exactly(&self, t: f64) -> f64 {
+        let discontinuities = &self.options.discontinuities;
+        let i = discontinuities.partition_point(|c| *c < t);
+        let beside = [i.checked_sub(1), Some(i)].into_iter().flatten().filter_map(|i| discontinuities.get(i));
+        beside.copied().find(|c| (c - t).abs() <= tolerance::SUM_ROUNDING * t.abs()).unwrap_or(t)
+    }
+
     /// The first discontinuity ahead, if one comes before the end.
     fn next_discontinuity(&self) -> Option<f64> {
         let (discontinuities, t) = (&self.options.discontinuities, self.t_old);

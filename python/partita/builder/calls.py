@@ -34,9 +34,9 @@ from .records import (
     TorqueRecord,
     TorsionSpringRecord,
 )
-from .sampled import SampledTable
+from .sampled import JoinedTable, SampledTable
 from .sensors import Expression, Sensor
-from .values import Constant, Function, Table
+from .values import BY_DEFAULT, Constant, Function, Table
 
 _BODIES = {"parent", "child", "body", "body1", "body2", "ground"}
 _JOINTS = {"joint", "joint1", "joint2", "pulley1", "pulley2", "pinion", "slide"}
@@ -72,13 +72,16 @@ def call_of(record: Any) -> Call:
             words = ("joint", "coordinate", "stiffness", "damping", "angle")
             return "add_torsion_spring", {word: getattr(record, word) for word in words}
         case TorqueRecord():
-            words = ("joint", "coordinate", "over", "periodic")
-            return "add_torque", {"value": _given(record.value), **{word: getattr(record, word) for word in words}}
+            words = ("joint", "coordinate", "over", "periodic", "interpolation")
+            value = _given(record.value, record.interpolation)
+            return "add_torque", {"value": value, **{word: getattr(record, word) for word in words}}
         case ForceRecord():
-            value = record.value
-            force = _given(value) if isinstance(value, Function) else tuple(_given(item) for item in value)
+            word, given = record.interpolation, record.value
+            each = given if isinstance(given, tuple) else ()
+            force = _given(given) if isinstance(given, Function) else tuple(_given(item, word) for item in each)
             point = None if record.at_center else record.point
-            return "add_force", {"body": record.body, "force": force, "point": point, "axes": record.axes}
+            arguments = {"body": record.body, "force": force, "point": point, "axes": record.axes}
+            return "add_force", {**arguments, "interpolation": word}
         case LoadRecord():
             arguments = {word: _given(value) for word, value in record.arguments.items() if value is not None}
             if record.kind == "law":
@@ -227,22 +230,22 @@ def _drive(record: DriveRecord) -> dict[str, Any]:
     if measure["of"] == "joint":
         arguments = {"joint": measure["joint"], "coordinate": measure["coordinate"]}
     motion = record.motion
-    if isinstance(motion, Table) and record.level != "acceleration":  # smooth in any case
-        arguments[record.level] = motion.times, motion.values
-    else:
-        arguments[record.level] = _given(motion)
+    arguments[record.level] = _given(motion, record.interpolation, BY_DEFAULT[record.level])
     if isinstance(motion, Function) and isinstance(motion.call, Motion) and record.level == "position":
         arguments |= {"velocity": motion.call.velocity, "acceleration": motion.call.acceleration}
-    return {**arguments, "rate": record.rate}
+    return {**arguments, "rate": record.rate, "interpolation": record.interpolation}
 
 
-def _given(value: Any) -> Any:
-    """A number, a table or a function, as the user gives one."""
+def _given(value: Any, interpolation: str | None = None, default: str = "monotone") -> Any:
+    """A number, a table or a function, as the user gives one beside this word; `default`: how a table is joined
+    without one."""
     match value:
         case Constant(number):
             return number
         case Table(times, values, curve):
-            return SampledTable(times, values) if curve == "smooth" else (times, values)
+            if curve == (interpolation or default):
+                return times, values
+            return SampledTable(times, values) if curve == "spline" else JoinedTable(times, values, curve)
         case Function(call) if isinstance(call, (Callback, LawCall)):
             return call.function
         case Function(call) if isinstance(call, Motion):

@@ -22,7 +22,7 @@ from .calls import call_of, kind_of, readers, referring, words_of
 from .checks import Element, find, vector
 from .drawing import Drawing
 from .records import GROUND, BodyRecord, Handle, JointRecord, Point, Ref
-from .sampled import SampledTable
+from .sampled import JoinedTable, SampledTable
 
 _WORDS = {
     "bodies": "body",
@@ -196,6 +196,8 @@ def _shown(mechanism: Drawing, value: Any) -> Any:
         return getattr(mechanism, value.table)[value.name]
     if isinstance(value, SampledTable):
         return SampledTable(_shown(mechanism, value.times), _shown(mechanism, value.values), value.error)
+    if isinstance(value, JoinedTable):
+        return JoinedTable(_shown(mechanism, value[0]), _shown(mechanism, value[1]), value.interpolation)
     if isinstance(value, (list, tuple)) and not isinstance(value, Point):
         return type(value)(_shown(mechanism, item) for item in value)
     return copy.deepcopy(value) if isinstance(value, Mapping) else value

@@ -263,7 +263,7 @@ def add_cam(
         element.fail(f"law must be a table (x, y) or a function of one number, not {law!r}")
     repeats = switch(element, "periodic", periodic)
     follows, leads = (measured_in(self, term) for term in terms)
-    curve = table(element, "law", (law[0], law[1]), "periodic" if repeats else "smooth", (leads, follows))
+    curve = table(element, "law", (law[0], law[1]), "periodic" if repeats else "spline", (leads, follows))
     if repeats:
         gap = abs(float(curve.values[-1] - curve.values[0]))
         if gap > _PERIOD_CLOSES * max(1e-300, float(np.abs(curve.values).max())):
@@ -319,7 +319,7 @@ def add_point_on_curve(
         return _recorded_as(self, made, "add_point_on_curve", **arguments, curve=_call_of(self, made)["law"])
     if callable(curve) or not is_table(curve):
         element.fail("a polar curve is a table (angles, radii)")
-    outline = table(element, "curve", (curve[0], curve[1]), "smooth", ("rad", "m"))
+    outline = table(element, "curve", (curve[0], curve[1]), "spline", ("rad", "m"))
     span = float(outline.times[-1] - outline.times[0])
     closes = abs(float(outline.values[-1] - outline.values[0])) <= 1e-9 * float(np.abs(outline.values).max())
     if abs(span - 2.0 * math.pi) > 1e-9 or not closes:

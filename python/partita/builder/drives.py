@@ -20,7 +20,7 @@ from .motion import Motion
 from .name_first import name_first
 from .poses import as_given, pose_value
 from .records import Body, Drive, DriveRecord, Joint, Ref
-from .values import Curve, Function, scalar
+from .values import BY_DEFAULT, Curve, Function, Table, interpolation_of, scalar
 
 Course = Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any]
 
@@ -36,6 +36,7 @@ def add_drive(
     pose: Any = None,
     coordinate: int = 0,
     rate: Quantity = 0.0,
+    interpolation: str | None = None,
     name: str | None = None,
 ) -> Drive:
     """Prescribe a motion over time: of a joint coordinate, a distance, a displacement, or the whole pose of a body.
@@ -51,19 +52,21 @@ def add_drive(
             [rad/s]. Or `pt.Distance`, `pt.Along`, `pt.Cosine`. With a pose it may be a body: a free joint "pose of ..."
             from the ground is then added, whose `force`, `moment` and `drive` are the efforts of the drive.
         position: [m] or [rad], measured from the drawn position (distances and displacements: their own values): a
-            number (constant), a table (times, values) joined by a twice differentiable cubic spline (two points make a
-            straight line, three a parabola), or f(t).
+            number (constant), a table (times, values), or f(t).
         velocity, acceleration: with a position that is a function, its derivatives as functions of t; alone, the
-            prescribed quantity, as number, table or f(t). A table of accelerations is interpolated linearly, one of
-            `pt.table` smoothly.
-        pose: (position, orientation), constant; a table (times, positions, orientations), positions joined by a twice
-            differentiable cubic spline, orientations by a curve of rotations with continuous angular acceleration; or
-            f(t) that returns (position, orientation). For a joint these are its coordinates, zero as drawn: as many
+            prescribed quantity, as number, table or f(t).
+        pose: (position, orientation), constant; a table (times, positions, orientations); or f(t) that returns
+            (position, orientation). For a joint these are its coordinates, zero as drawn: as many
             translations [m] as it has (none: the orientation alone), and the rotation of the child. For a body they are
             its position and orientation in the world. Orientations are rotation vectors [rad], quaternions (w, x, y,
             z), matrices or a SciPy `Rotation`, through any angle and any number of turns.
         coordinate: which coordinate of the joint, from 0.
         rate: with an acceleration alone, the rate at t = 0 [rad/s or m/s].
+        interpolation: how tables are joined. "monotone" (the default of positions and poses): cubics with continuous
+            rates that never leave the range of two samples between them; accelerations may jump at samples, where steps
+            end. "linear" (the default of velocities and accelerations): straight lines, so that a trapezoid of rates is
+            one. "spline" (the default of `pt.table`): twice differentiable cubics through samples of a smooth motion
+            (two make a straight line, three a parabola), which overshoot where the samples turn abruptly.
         name: None: made from the joint's name.
 
     Derivatives of a function that are not given are computed exactly, by automatic differentiation, if f uses only
@@ -89,7 +92,7 @@ def add_drive(
     'drive of pose of disc'
     """
     if pose is not None:
-        return _drive_pose(self, joint, pose, (position, velocity, acceleration), coordinate, rate, name)
+        return _drive_pose(self, joint, pose, (position, velocity, acceleration), coordinate, rate, interpolation, name)
     drives = self._description.drives
     what = joint if isinstance(joint, Joint | str) else type(joint).__name__.lower()
     element = name_of("drive", name if name is not None else free_name(self, f"drive of {what}", drives), drives)
@@ -114,9 +117,11 @@ def add_drive(
         return Function(Motion(element, function, *given))
 
     _not_of_another_level(element, level, course, units)
-    curve: Curve = "linear" if level == "acceleration" else "smooth"
-    motion = scalar(element, level, course, curve, wrap, ("s", units[level]))
-    self._description.store(drives, DriveRecord(element.name, found, motion, level, start))
+    motion = scalar(element, level, course, BY_DEFAULT[level], wrap, ("s", units[level]), interpolation)
+    if level == "position" and isinstance(motion, Table):
+        _rates_continue(element, motion.curve)
+    record = DriveRecord(element.name, found, motion, level, start, interpolation=interpolation)
+    self._description.store(drives, record)
     self._description.driven[driven_key(found)] = element.name
     return Drive(element.name, self)
 
@@ -128,6 +133,7 @@ def _drive_pose(
     others: tuple[Any, ...],
     coordinate: int,
     rate: Quantity,
+    interpolation: str | None,
     name: str | None,
 ) -> Drive:
     """A drive of all translations and of the spatial rotation of a joint, or of a body relative to the ground."""
@@ -136,12 +142,14 @@ def _drive_pose(
     what = f"pose of {joint}" if is_body else joint if isinstance(joint, Joint | str) else type(joint).__name__.lower()
     default = free_name(mechanism, f"drive of {what}", d.drives)
     element = name_of("drive", default if name is None else name, d.drives)
+    curve = interpolation_of(element, interpolation) or BY_DEFAULT["position"]
+    _rates_continue(element, curve)
     if any(x is not None for x in others) or coordinate != 0 or rate != 0.0:
         element.fail("a pose prescribes all coordinates; omit position, velocity, acceleration, coordinate and rate")
     if is_body:
         body = resolve(mechanism, element, "the body", joint, ground=False)
         record = d.bodies[body]
-        value = pose_value(element, pose, 3, (record.position, record.rotation))
+        value = pose_value(element, pose, 3, (record.position, record.rotation), curve)
         arguments = {"joint": Ref("bodies", body), "pose": as_given(element, pose, 3)}
         carrier = free_name(mechanism, f"pose of {body}", d.joints)
         found, slides = add_free(mechanism, carrier, mechanism.ground, body).name, 3
@@ -157,14 +165,25 @@ def _drive_pose(
         found = driven.name
         for i in range(slides + 3):
             _alone(mechanism, element, {"of": "joint", "joint": found, "coordinate": i})
-        value = pose_value(element, pose, slides, None)
+        value = pose_value(element, pose, slides, None, curve)
         arguments = {"joint": found, "pose": as_given(element, pose, slides)}
     else:
         element.fail(f"a pose belongs to a joint or a body, not to {what}")
     measures = [{"of": "joint", "joint": found, "coordinate": i} for i in range(slides + 3)]
-    d.store(d.drives, DriveRecord(element.name, measures[0], value, "pose", 0.0, slides, arguments))
+    arguments["interpolation"] = interpolation
+    drive = DriveRecord(element.name, measures[0], value, "pose", 0.0, slides, interpolation, arguments)
+    d.store(d.drives, drive)
     d.driven.update({driven_key(each): element.name for each in measures})
     return Drive(element.name, mechanism)
+
+
+def _rates_continue(element: Element, curve: Curve) -> None:
+    """Refuse positions on straight lines."""
+    if curve == "linear":
+        element.fail(
+            "positions joined by straight lines have rates that jump at every sample, which no finite force can cause; "
+            'use interpolation="monotone" or "spline", or give the velocity as a table'
+        )
 
 
 def driven_key(found: Mapping[str, Any]) -> str:

@@ -2,9 +2,9 @@
 
 A value may be a number, a table or a Python function f(t, state). `state` offers `.t`, `.q`,
 `.v` and, for joints of the spanning tree, `.position(joint)` and `.velocity(joint)` by name. A table is (times [s],
-values), interpolated by PCHIP, which never overshoots the samples; a run that leaves the table stops with
-`EvaluationError`. A function is called several times per step from the compiled core and is by far the most expensive
-part of an evaluation; numbers and tables cost almost nothing.
+values), joined by monotone cubics (PCHIP), which between two samples never leave their range, or as `interpolation=`
+says; a run that leaves the table stops with `EvaluationError`. A function is called several times per step from the
+compiled core and is by far the most expensive part of an evaluation; numbers and tables cost almost nothing.
 """
 
 from __future__ import annotations
@@ -166,6 +166,7 @@ def add_torque(
     over: Any = None,
     periodic: bool = False,
     coordinate: int = 0,
+    interpolation: str | None = None,
     name: str | None = None,
 ) -> Force:
     """Add an effort along one coordinate of a joint; it acts on the child, its opposite on the parent.
@@ -178,6 +179,7 @@ def add_torque(
             `pt.Distance`, for example for a gas force over the crank angle. Computed without Python.
         periodic: this table repeats after its last entry; its first and last value must be equal.
         coordinate: which velocity of the joint, from 0.
+        interpolation: how a table is joined: "monotone" (the default), "linear" or "spline", as in `add_drive`.
         name: None: made from the joint's name.
 
     >>> import partita as pt
@@ -196,9 +198,10 @@ def add_torque(
         name=element.name,
         joint=found.name,
         coordinate=which,
-        value=scalar(element, "value", value, "monotone", callbacks.number_of(element), units),
+        value=scalar(element, "value", value, "monotone", callbacks.number_of(element), units, interpolation),
         over=along,
         periodic=switch(element, "periodic", periodic),
+        interpolation=interpolation,
     )
     if record.over is None and record.periodic:
         element.fail("periodic applies to a table over a coordinate; give over=")
@@ -219,6 +222,7 @@ def add_force(
     point: ArrayLike | None = None,
     *,
     axes: str = "world",
+    interpolation: str | None = None,
     name: str | None = None,
 ) -> Force:
     """Add a force on a point of a body.
@@ -229,6 +233,7 @@ def add_force(
             (times (n,), values (n, 3)); or one function f(t, state) that returns three numbers.
         point: point of application in body axes [m]; None: the centre of mass.
         axes: "world": components along the world axes; "body": along the axes of the body, which rotate with it.
+        interpolation: how tables are joined: "monotone" (the default), "linear" or "spline", as in `add_drive`.
         name: None: made from the body's name.
 
     >>> import partita as pt
@@ -243,9 +248,10 @@ def add_force(
         name=element.name,
         body=found.name,
         point=found.com.copy() if point is None else point_on(self, element, "point", point, found.name),
-        value=components(element, "force", force, "N"),
+        value=components(element, "force", force, "N", interpolation),
         axes=choice(element, "axes", axes, ("world", "body")),
         at_center=point is None,
+        interpolation=interpolation,
     )
     return store(self, record)
 

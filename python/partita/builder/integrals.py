@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from ..state import Layout
-from .checks import Array
 from .motion import Motion, RoughError
 from .values import Constant, Cubics, Function, Table, Value
 
@@ -105,12 +105,15 @@ class _Panel:
 
 def rate_of(acceleration: Value, rate: float) -> Value:
     """The rate computed from an acceleration and the rate at t = 0: the exact integral of a linear table, cubics along
-    the integral of a smooth one."""
+    the integral of another one."""
     match acceleration:
         case Constant(value):
             return Function(Integral(_Steady(value), rate))
-        case Table(times, values, "smooth"):
-            return _rate_of_smooth(times, values, rate)
+        case Table(times, values, "spline" | "monotone" as curve):
+            from scipy import interpolate  # takes longer to import than all of Partita
+
+            join = interpolate.CubicSpline if curve == "spline" else interpolate.PchipInterpolator
+            return _rate_of_cubics(join(times, values), rate)
         case Table(times, values):
             width = np.diff(times)
             slope = np.diff(values) / width
@@ -126,22 +129,22 @@ def rate_of(acceleration: Value, rate: float) -> Value:
             return acceleration
 
 
-def _rate_of_smooth(times: Array, values: Array, rate: float) -> Cubics:
-    """Cubics that have the values and slopes of the integral of a spline, quartic between its samples. Their own slope,
-    the acceleration, differs from the spline by at most |c| h^3 / (12 sqrt 3), c its cubic coefficient; the steps h are
+def _rate_of_cubics(joined: Any, rate: float) -> Cubics:
+    """Cubics that have the values and slopes of the integral of cubics, quartic between its samples. Their own slope,
+    the acceleration, differs from `joined` by at most |c| h^3 / (12 sqrt 3), c its cubic coefficient; the steps h are
     as short as `_TABLE` asks."""
     from scipy import interpolate  # takes longer to import than all of Partita
 
-    spline = interpolate.CubicSpline(times, values)
+    times = joined.x
     width = np.diff(times)
-    allowed = _TABLE * max(float(np.abs(values).max()), np.finfo(float).tiny)
-    off = np.abs(spline.c[0]) * width**3 / (12.0 * np.sqrt(3.0))
+    allowed = _TABLE * max(float(np.abs(joined(times)).max()), np.finfo(float).tiny)
+    off = np.abs(joined.c[0]) * width**3 / (12.0 * np.sqrt(3.0))
     parts = np.maximum(1, np.ceil(np.cbrt(off / allowed))).astype(int)
     within = np.concatenate([np.arange(n) / n for n in parts])
     breaks = np.append(np.repeat(times[:-1], parts) + np.repeat(width, parts) * within, times[-1])
-    reached = spline.antiderivative()
+    reached = joined.antiderivative()
     rates = rate + reached(breaks) - reached(0.0)
-    return Cubics(breaks, interpolate.CubicHermiteSpline(breaks, rates, spline(breaks)).c.T)
+    return Cubics(breaks, interpolate.CubicHermiteSpline(breaks, rates, joined(breaks)).c.T)
 
 
 class _Steady:

@@ -17,7 +17,7 @@ from .frames import ORTHONORMAL, is_rotation, rotation, transform
 from .motion import RoughError, differences
 from .taylor import Jet
 from .travelling import check_picklable
-from .values import Constant, Cubics, Function, Table, finite, one_number, table
+from .values import BY_DEFAULT, Constant, Cubics, Curve, Function, Table, finite, one_number, table
 
 _HALF_TURN = math.pi * (1.0 - 1e-6)
 """Between rows of a table further apart the direction of rotation is ambiguous."""
@@ -35,21 +35,26 @@ class Held:
 
 @dataclass(frozen=True)
 class PoseTable:
-    """Poses at times (n,): slides (n, k), joined by a twice differentiable cubic spline, and matrices (n, 3, 3), joined
-    by a curve of rotations whose angular acceleration is continuous."""
+    """Poses at times (n,): slides (n, k) and matrices (n, 3, 3). Joined by "monotone" cubics, whose counterpart for
+    rotations is `monotone_turns`; or by a "spline", whose counterpart has continuous angular accelerations."""
 
     times: Array
     slides: Array
     matrices: Array
+    curve: Curve
 
     def slide(self, i: int) -> Table:
         """Translation number i over time."""
-        return Table(self.times, self.slides[:, i], "smooth")
+        return Table(self.times, self.slides[:, i], self.curve)
 
     def turning(self) -> dict[str, Any]:
         """The curve of rotations as the core needs it: rotation vectors by cubics, applied after quaternions."""
-        spline = transform().RotationSpline(self.times, transform().Rotation.from_matrix(self.matrices))
-        vectors = [Cubics(self.times, spline.interpolator.c[:, :, i].T).spec()["table"] for i in range(3)]
+        if self.curve == "monotone":
+            pieces = monotone_turns(self.times, self.matrices)
+        else:
+            spline = transform().RotationSpline(self.times, transform().Rotation.from_matrix(self.matrices))
+            pieces = spline.interpolator.c
+        vectors = [Cubics(self.times, pieces[:, :, i].T).spec()["table"] for i in range(3)]
         quaternions = transform().Rotation.from_matrix(self.matrices[:-1]).as_quat()[:, [3, 0, 1, 2]]
         return {"table": {"vectors": vectors, "rotations": quaternions.tolist()}}
 
@@ -73,9 +78,54 @@ class PoseFunction:
 PoseValue = Held | PoseTable | PoseFunction
 
 
-def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Array] | None) -> PoseValue:
+def monotone_turns(times: Array, matrices: Array) -> Array:
+    """Rotation vectors (4, n - 1, 3) by cubics, highest power first, from each rotation to the next: PCHIP for
+    rotations, and PCHIP where all are about one axis.
+
+    The angular velocity at a sample is the weighted harmonic mean of the mean rates a before and b after it,
+    `(w1 + w2) (a . b) c / |c|^2` with `c = w1 b + w2 a`, and zero where they point apart.
+    """
+    rotations = transform().Rotation.from_matrix(matrices)
+    steps = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+    h = np.diff(times)
+    mean = steps / h[:, None]
+    rates = np.zeros((len(times), 3))
+    for i in range(1, len(h)):
+        a, b, (w1, w2) = mean[i - 1], mean[i], (2.0 * h[i] + h[i - 1], h[i] + 2.0 * h[i - 1])
+        along, c = float(a @ b), w1 * b + w2 * a
+        if along > 0.0:
+            rates[i] = (w1 + w2) * along * c / (c @ c)
+    # three-point estimates at the ends, not faster than three times the mean rate, not backwards
+    for end, one, two in ((0, 0, 1), (len(h), len(h) - 1, len(h) - 2)):
+        rates[end] = mean[one]
+        if len(h) > 1:
+            guess = ((2.0 * h[one] + h[two]) * mean[one] - h[one] * mean[two]) / (h[one] + h[two])
+            along, size = float(guess @ mean[one]), float(np.linalg.norm(guess))
+            if along <= 0.0:
+                guess = np.zeros(3)
+            elif mean[one] @ mean[two] <= 0.0:
+                guess = guess * min(1.0, 3.0 * float(np.linalg.norm(mean[one])) / size)
+            rates[end] = guess
+    first = rates[:-1]
+    last = np.array([_vector_rate(step, rate) for step, rate in zip(steps, rates[1:], strict=True)])
+    wide = h[:, None]
+    cubic, square = (first + last - 2.0 * mean) / wide**2, (3.0 * mean - 2.0 * first - last) / wide
+    return np.array([cubic, square, first, np.zeros_like(first)])
+
+
+def _vector_rate(vector: Array, spin: Array) -> Array:
+    """Rate of a rotation vector whose rotation turns with an angular velocity in the axes that turn."""
+    angle = float(np.linalg.norm(vector))
+    half = 0.5 * angle
+    # (1 - half cot half) / angle^2, by its series near zero
+    factor = (1.0 - half / math.tan(half)) / angle**2 if half > 1e-2 else (1.0 + half**2 / 15.0) / 12.0
+    across = np.cross(vector, spin)
+    return np.asarray(spin + 0.5 * across + factor * np.cross(vector, across), dtype=float)
+
+
+def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Array] | None, curve: Curve) -> PoseValue:
     """A pose as given by the user, for a joint with this many translations. `drawn`: position and rotation of a body as
-    drawn, to which its joint is relative, while the pose is given in the world."""
+    drawn, to which its joint is relative, while the pose is given in the world. `curve`: how a table is joined."""
     if callable(given):
         return PoseFunction(Pose(element, given, slides, drawn), slides)
     parts = _parts(element, given, slides)
@@ -87,17 +137,15 @@ def pose_value(element: Element, given: Any, slides: int, drawn: tuple[Array, Ar
     matrices = np.array(
         [orientation(element, f"orientation {i}", turn) for i, turn in enumerate(_each(element, turns))]
     )
-    placed = table(element, "positions", (times, positions), "smooth", ("s", "m"), slides) if slides else None
+    placed = table(element, "positions", (times, positions), curve, ("s", "m"), slides) if slides else None
     clock = (
-        placed.times
-        if placed is not None
-        else table(element, "orientations", (times, times), "smooth", ("s", "s")).times
+        placed.times if placed is not None else table(element, "orientations", (times, times), curve, ("s", "s")).times
     )
     if len(matrices) != clock.size:
         element.fail(f"there are {clock.size} times but {len(matrices)} orientations; give one for each")
     where = placed.values if placed is not None else np.zeros((clock.size, 0))
     pairs = [_relative(p, m, drawn) for p, m in zip(where, matrices, strict=True)]
-    found = PoseTable(clock, np.array([p for p, _ in pairs]), np.array([m for _, m in pairs]))
+    found = PoseTable(clock, np.array([p for p, _ in pairs]), np.array([m for _, m in pairs]), curve)
     steps = transform().Rotation.from_matrix(found.matrices)
     angles = (steps[:-1].inv() * steps[1:]).magnitude()
     if angles.max() > _HALF_TURN:
@@ -113,7 +161,7 @@ def as_given(element: Element, given: Any, slides: int) -> Any:
     """A pose as it was given, in SI, in the form that `pose_value` accepts."""
     if callable(given):
         return given
-    match pose_value(element, given, slides, None):
+    match pose_value(element, given, slides, None, BY_DEFAULT["position"]):
         case Held(positions, matrix):
             return (positions, matrix) if slides else matrix
         case PoseTable(times, positions, matrices):

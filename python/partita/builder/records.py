@@ -209,6 +209,7 @@ class DriveRecord:
     level: str = "position"
     rate: float = 0.0
     slides: int = 0
+    interpolation: str | None = None
     arguments: Mapping[str, Any] | None = None  # of a pose: "joint", "pose", and the joint that was added to "carry" it
 
 
@@ -271,6 +272,7 @@ class TorqueRecord:
     value: Value
     over: Mapping[str, Any] | None = None
     periodic: bool = False
+    interpolation: str | None = None
 
 
 @dataclass(frozen=True)
@@ -284,6 +286,7 @@ class ForceRecord:
     value: tuple[Value, Value, Value] | Function
     axes: str
     at_center: bool = False  # no point was given: wherever the centre of mass is
+    interpolation: str | None = None
 
 
 DRAWING_TOLERANCE = 1e-4

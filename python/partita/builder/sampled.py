@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 from ..errors import ArgumentError
 from ..numeric import floats, real, shown
 from .checks import LARGEST, Array
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 FEWEST = 16
 """Intervals of the first table."""
@@ -21,36 +24,53 @@ BETWEEN = (0.12, 0.31, 0.5, 0.69, 0.88)
 middle, in the outermost intervals aside of it."""
 
 
-class SampledTable(tuple[Array, Array]):
+class JoinedTable(tuple[Any, Any]):
+    """A table (times, values) with the word for how it is joined where a call gives none."""
+
+    interpolation: str
+
+    def __new__(cls, times: Any, values: Any, interpolation: str) -> Self:
+        made = super().__new__(cls, (times, values))
+        made.interpolation = interpolation
+        return made
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return self[0], self[1], self.interpolation
+
+
+class SampledTable(JoinedTable):
     """A table (times, values) that was sampled from a function: `partita.table`.
 
-    It is accepted wherever a table is, and joined by a twice differentiable cubic spline there, also for loads.
+    It is accepted wherever a table is, and joined by a twice differentiable cubic spline there.
 
     Attributes:
         times: (n,), in equal steps.
         values: (n,), or (n, numbers of the function).
         error: largest difference from the function that was found between the times.
+        interpolation: "spline": how it is joined where `interpolation=` is not given.
     """
 
     error: float
 
-    def __new__(cls, times: ArrayLike, values: ArrayLike, error: float = float("nan")) -> SampledTable:
-        made = super().__new__(cls, (np.asarray(times, dtype=float), np.asarray(values, dtype=float)))
+    def __new__(cls, times: ArrayLike, values: ArrayLike, error: float = float("nan")) -> Self:
+        made = super().__new__(cls, np.asarray(times, dtype=float), np.asarray(values, dtype=float), "spline")
         made.error = error
         return made
 
-    def __getnewargs__(self) -> tuple[Array, Array, float]:  # type: ignore[override]
+    def __getnewargs__(self) -> tuple[Any, ...]:
         return self[0], self[1], self.error
 
     @property
     def times(self) -> Array:
         """Times, or other values of the argument."""
-        return self[0]
+        times: Array = self[0]
+        return times
 
     @property
     def values(self) -> Array:
         """Values of the function."""
-        return self[1]
+        values: Array = self[1]
+        return values
 
     def __repr__(self) -> str:
         return (

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, cast
 
 import numpy as np
 
 from ..numeric import floats, shown
 from ..state import Layout
 from ..units.door import QuantityError, in_si
-from .checks import Array, Element, number, shape_of
-from .sampled import SampledTable
+from .checks import Array, Element, choice, number, shape_of
+from .sampled import JoinedTable
 
-Curve = Literal["smooth", "periodic", "monotone", "linear"]
+Curve = Literal["monotone", "spline", "periodic", "linear"]
+INTERPOLATIONS: tuple[Curve, ...] = ("monotone", "linear", "spline")
+"""The words of `interpolation=`."""
+BY_DEFAULT: Mapping[str, Curve] = {"position": "monotone", "velocity": "linear", "acceleration": "linear"}
+"""How tables of drives are joined at each level: the motion has continuous rates and stays within the samples."""
 Units = tuple[str, str]
 """SI units of the abscissa of a table, and of its values."""
 
@@ -31,9 +35,9 @@ class Constant:
 class Table:
     """Samples interpolated by piecewise cubics.
 
-    "smooth" is the not-a-knot spline, twice differentiable as a prescribed motion must be; "periodic" is the spline
-    that is so where it begins anew, too; "monotone" is PCHIP, which never overshoots the samples and so suits forces;
-    "linear" joins them by straight lines, as accelerations are whose integral the core takes.
+    "monotone" is PCHIP, which between two samples never leaves their range; "linear" joins them by straight lines;
+    "spline" is the not-a-knot spline, twice differentiable, which may leave it; "periodic" is the spline that is so
+    where it begins anew, too.
     """
 
     times: Array
@@ -46,12 +50,21 @@ class Table:
 
         if self.curve == "monotone":
             joined = interpolate.PchipInterpolator(self.times, self.values)
-        elif self.curve == "smooth":
+        elif self.curve == "spline":
             joined = interpolate.CubicSpline(self.times, self.values)
+        elif self.curve == "linear":
+            return Cubics(self.times, straight(self.times, self.values)).spec()
         else:
             closed = np.append(self.values[:-1], self.values[0])
             joined = interpolate.CubicSpline(self.times, closed, bc_type="periodic")
         return {"table": {"breaks": self.times.tolist(), "coefficients": joined.c.T.tolist()}}
+
+
+def straight(times: Array, values: Array) -> Array:
+    """Coefficients (n, 4) of straight lines between samples."""
+    slopes = np.diff(values) / np.diff(times)
+    none = np.zeros_like(slopes)
+    return np.column_stack([none, none, slopes, values[:-1]])
 
 
 @dataclass(frozen=True)
@@ -94,13 +107,16 @@ def scalar(
     curve: Curve,
     wrap: Callable[[Callable[..., Any]], Function],
     units: Units = ("", ""),
+    interpolation: Any = None,
 ) -> Value:
     """`value` as a number, a table (times, values) or a function, which `wrap` brings into the core's form. `units`: of
-    the abscissa of a table, and of its values."""
+    the abscissa of a table, and of its values. `curve`: how a table is joined for which `interpolation`, the user's
+    word, is None."""
+    word = interpolation_of(element, interpolation)
     if callable(value):
         return wrap(value)
     if is_table(value):
-        return table(element, what, value, curve, units)
+        return table(element, what, value, curve, units, interpolation=word)
     if isinstance(value, tuple | list | np.ndarray):
         element.fail(f"{what} must be a number, a function or a table (times, values), not {shown(value)}")
     return Constant(number(element, what, value, units[1]))
@@ -111,8 +127,19 @@ def is_table(value: Any) -> bool:
     return isinstance(value, tuple | list) and len(value) == 2 and all(shape_of(part) != () for part in value)
 
 
+def interpolation_of(element: Element, word: Any) -> Curve | None:
+    """The user's word for how tables are joined, checked; None: by default."""
+    return None if word is None else cast(Curve, choice(element, "interpolation", word, INTERPOLATIONS))
+
+
 def table(
-    element: Element, what: str, value: Sequence[Any], curve: Curve, units: Units = ("", ""), columns: int | None = None
+    element: Element,
+    what: str,
+    value: Sequence[Any],
+    curve: Curve,
+    units: Units = ("", ""),
+    columns: int | None = None,
+    interpolation: Curve | None = None,
 ) -> Table:
     """A checked table: times (n,) increasing, values (n,) or (n, columns), n >= 2."""
     try:
@@ -137,8 +164,9 @@ def table(
         element.fail(
             f"{what}: times must increase, but t = {times[row]:g} is followed by t = {times[row + 1]:g}; sort the table"
         )
-    sampled = isinstance(value, SampledTable) and curve in ("monotone", "linear")
-    return Table(times, values, "smooth" if sampled else curve)
+    if interpolation is None and isinstance(value, JoinedTable) and curve in INTERPOLATIONS:
+        interpolation = interpolation_of(element, value.interpolation)
+    return Table(times, values, interpolation or curve)
 
 
 def one_number(value: Any) -> float:

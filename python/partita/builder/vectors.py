@@ -9,7 +9,7 @@ import numpy as np
 from ..numeric import is_list, is_quantity
 from . import callbacks
 from .checks import Array, Element, along_an_axis, numbers, shape_of, vector
-from .values import Constant, Function, Table, Value, is_table, scalar, table
+from .values import Constant, Function, Table, Value, interpolation_of, is_table, scalar, table
 
 Changing = tuple[Value, Value, Value] | Function | None
 
@@ -51,19 +51,22 @@ def _has_parts(value: Any) -> bool:
     )
 
 
-def components(element: Element, what: str, value: Any, unit: str) -> tuple[Value, Value, Value] | Function:
+def components(
+    element: Element, what: str, value: Any, unit: str, interpolation: Any = None
+) -> tuple[Value, Value, Value] | Function:
     """Three values, or one function for all three."""
+    word = interpolation_of(element, interpolation)
     if callable(value):
         return callbacks.vector_of(element)(value)
     if is_table(value):
-        whole = table(element, what, value, "monotone", ("s", unit), columns=3)
+        whole = table(element, what, value, "monotone", ("s", unit), 3, word)
         return tuple(Table(whole.times, whole.values[:, i].copy(), whole.curve) for i in range(3))  # type: ignore[return-value]
     if is_quantity(value):
         value = numbers(element, what, value, unit)
     if not is_list(value) or not isinstance(value, tuple | list | np.ndarray) or len(value) != 3:
         element.fail(f"{what} must have three components, or be a table or a function; got {value!r}")
     x, y, z = (
-        scalar(element, f"{what} {label}", item, "monotone", callbacks.number_of(element), ("s", unit))
+        scalar(element, f"{what} {label}", item, "monotone", callbacks.number_of(element), ("s", unit), word)
         for label, item in zip("xyz", value, strict=True)
     )
     return x, y, z

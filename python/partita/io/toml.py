@@ -33,7 +33,8 @@ from pathlib import Path
 from typing import Any
 
 from .. import _core
-from ..builder import Builder, SampledTable
+from ..builder import Builder
+from ..builder.sampled import JoinedTable
 from ..errors import (
     ArgumentError,
     ChangedFileWarning,
@@ -174,6 +175,9 @@ def _call_of(kind: str, item: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     if kind == "joint":
         word = arguments.pop("type")
         return "add_joint" if word == "generic" else f"add_{word}", arguments
+    if kind == "drive" and isinstance(arguments.get("pose"), dict):
+        word = arguments["pose"].pop("interpolation", None)
+        arguments |= {} if word is None else {"interpolation": word}
     return f"add_{kind}", arguments
 
 
@@ -183,6 +187,8 @@ def _argument(value: Any) -> Any:
         for first, second in (("times", "values"), ("x", "y")):
             if first in value and second in value:
                 pair = value[first], value[second]
-                return SampledTable(*pair) if value.get("curve") == "smooth" else pair
+                # "curve" is the former word, with one value
+                word = "spline" if value.get("curve") == "smooth" else value.get("interpolation")
+                return pair if word is None else JoinedTable(*pair, word)
         return {key: _argument(item) for key, item in value.items()}
     return [_argument(item) for item in value] if isinstance(value, list) else value

@@ -26,7 +26,7 @@ from ..builder.records import (
     TorsionSpringRecord,
 )
 from ..builder.spec import VERSION
-from ..builder.values import Constant, Cubics, Function, Table, Value
+from ..builder.values import BY_DEFAULT, Constant, Cubics, Function, Table, Value
 from ..sensing import SensorRecord
 
 _WIDTH = 110
@@ -149,9 +149,10 @@ def _pose(element: Element, record: DriveRecord) -> Entries:
     match record.motion:
         case Held(slides, matrix):
             return {**({"position": slides} if record.slides else {}), "orientation": matrix}
-        case PoseTable(times, slides, matrices):
+        case PoseTable(times, slides, matrices, curve):
             positions = {"positions": slides} if record.slides else {}
-            return {"times": times, **positions, "orientations": matrices}
+            word = {} if curve == BY_DEFAULT["position"] else {"interpolation": curve}
+            return {"times": times, **positions, "orientations": matrices, **word}
     element.fail(
         "its pose is a Python function, which a file cannot contain; sample it into a table (times, positions, "
         "orientations) before saving"
@@ -243,9 +244,8 @@ def _value(element: Element, value: Value, level: str = "") -> Any:
         case Cubics():
             element.fail("it was made by an integral, which a file cannot contain")
         case Table():
-            other = element.kind == "force" or level == "acceleration"  # where a table is smooth only if it says so
-            smooth = {"curve": "smooth"} if value.curve == "smooth" and other else {}
-            return {"times": value.times, "values": value.values, **smooth}
+            word = {} if value.curve == BY_DEFAULT.get(level, "monotone") else {"interpolation": value.curve}
+            return {"times": value.times, "values": value.values, **word}
         case Function():
             element.fail(
                 "it is a Python function, which a file cannot contain; sample it with partita.table(f, start, end) "

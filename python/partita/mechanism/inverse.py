@@ -16,6 +16,7 @@ from ..analyses.still import run_of
 from ..builder.actuators import limits_of, preload_of, weights_of
 from ..builder.changes import remove
 from ..builder.compiled import CompiledModel
+from ..builder.sampled import SampledTable
 from ..errors import ArgumentError
 from ..naming import Names, listed
 from ..numeric import floats, shown
@@ -247,7 +248,7 @@ def _course(key: str, t: FloatArray, course: Any) -> Any:
             f"motion[{key!r}] has shape {values.shape}; give a position for each of the {len(t)} times",
             argument="motion",
         )
-    return float(values[0]) if len(t) == 1 else (t, values)
+    return float(values[0]) if len(t) == 1 else SampledTable(t, values)
 
 
 def _prescribed(

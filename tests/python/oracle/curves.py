@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -74,6 +74,7 @@ class Spline:
     x: Array
     y: Array
     periodic: bool = False
+    interpolation: ClassVar[str | None] = "spline"
 
     @cached_property
     def cubics(self) -> Array:
@@ -134,11 +135,16 @@ class Monotone:
     x: Array
     y: Array
     periodic: bool = False
+    interpolation: ClassVar[str | None] = None
 
     def value(self, x: float) -> float:
+        return self.derivatives(x)[0]
+
+    def derivatives(self, x: float) -> tuple[float, float, float]:
+        """Value, slope and second derivative."""
         if self.periodic:
             x = self.x[0] + (x - self.x[0]) % (self.x[-1] - self.x[0])
-        return of_cubics(self.x, self.cubics, x)[0]
+        return of_cubics(self.x, self.cubics, x)
 
     @cached_property
     def cubics(self) -> Array:
@@ -166,6 +172,21 @@ class Monotone:
         if slope * d <= 0.0:
             return 0.0
         return 3.0 * d if d * next_one <= 0.0 and abs(slope) > 3.0 * abs(d) else slope
+
+
+@dataclass(frozen=True)
+class Straight:
+    """Straight lines through a table."""
+
+    x: Array
+    y: Array
+    interpolation: ClassVar[str | None] = None
+
+    def derivatives(self, x: float) -> tuple[float, float, float]:
+        """Value, slope and second derivative."""
+        slopes = np.diff(self.y) / np.diff(self.x)
+        none = np.zeros_like(slopes)
+        return of_cubics(self.x, np.column_stack([self.y[:-1], slopes, none, none]), x)
 
 
 def of_cubics(breaks: Array, cubics: Array, x: float) -> tuple[float, float, float]:

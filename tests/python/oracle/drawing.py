@@ -206,8 +206,8 @@ class Drive:
 
 @dataclass(frozen=True)
 class TableDrive:
-    """Position, rate or acceleration by a table over time, whose curve is a `Spline`; of an acceleration straight lines
-    from entry to entry."""
+    """Position, rate or acceleration by a table over time: joined by a `Spline` on request, else positions by the curve
+    `Monotone`, rates and accelerations by straight lines from entry to entry."""
 
     name: str
     joint: str
@@ -235,7 +235,8 @@ class TableDrive:
     @property
     def course(self) -> dict[str, Any]:
         rate = {"rate": self.start} if self.level == "acceleration" else {}
-        return {self.level: (self.curve.x, self.curve.y), **rate}
+        word = self.curve.interpolation
+        return {self.level: (self.curve.x, self.curve.y), **rate, **({"interpolation": word} if word else {})}
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import partita as pt
 
 from . import chance, forces
 from .comparison import Verdict, compare
-from .curves import Monotone, Spline, Wave
+from .curves import Monotone, Spline, Straight, Wave
 from .drawing import GROUND, Array, Body, Coupling, Drawing, Joint, Rotor, TableDrive, unit
 
 KINDS = (
@@ -299,10 +299,12 @@ class Chance:
         times = self.times(count)
         power = ("position", "velocity", "acceleration").index(level)
         values = self.rng.normal(size=count) * x / self.d.time**power * (0.1 if level == "position" else 0.5)
+        by_default = Monotone if level == "position" else Straight
+        curve: Any = Spline if count % 2 and level != "acceleration" else by_default
         if level == "position":
-            values = values - Spline(times, values).derivatives(0.0)[0]
+            values = values - curve(times, values).derivatives(0.0)[0]
         start = self.number(-0.5, 0.5) * x / self.d.time if level == "acceleration" else 0.0
-        self.drives.append(TableDrive(name, j.name, i, level, Spline(times, values), start))
+        self.drives.append(TableDrive(name, j.name, i, level, curve(times, values), start))
 
     # couplings
 

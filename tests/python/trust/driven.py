@@ -56,7 +56,7 @@ def kink() -> Iterator[Held]:
 def table_ends() -> Iterator[Held]:
     m = pendulum()
     t = np.linspace(0.0, 3.0, 61)
-    m.add_drive("A", position=(t, np.sin(t)))
+    m.add_drive("A", position=(t, np.sin(t)), interpolation="spline")
     run = m.simulate(3.001)
     yield Held("until then", run.joint("A").position[:, 0], CubicSpline(t, np.sin(t))(run.t), 1e-12)
     yield Held("it ends near the end", run.t[-1] > 2.98, True, 0.0)
@@ -67,7 +67,7 @@ def table_ends() -> Iterator[Held]:
 def table() -> Iterator[Held]:
     m = pendulum()
     t = np.linspace(0.0, 3.0, 61)
-    m.add_drive("A", position=(t, np.sin(t)))
+    m.add_drive("A", position=(t, np.sin(t)), interpolation="spline")
     spline = CubicSpline(t, np.sin(t))
     run = done(m.simulate(3.0))
     yield Held("angle", run.joint("A").position[:, 0], spline(run.t), 1e-12)

@@ -27,7 +27,7 @@ impl StepControl for ExplicitRungeKutta {
     fn plan(&mut self, plan: &StepPlan) {
         let length = plan.length.abs();
         self.step = self.memory.as_ref().map_or(length, |memory| memory.limited(length));
-        self.goal = plan.goal;
+        self.goal = plan.goal.map(|t| self.exactly(t));
         self.corner_ahead = false;
     }
 
@@ -98,7 +98,7 @@ impl StepControl for ExplicitRungeKutta {
     fn end_at(&mut self, t: f64) {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         self.step = self.step.max(self.attempted_h.abs());
-        self.goal = Some(t);
+        self.goal = Some(self.exactly(t));
         self.corner_ahead = false;
         self.throw_away();
     }
