@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -449,3 +450,42 @@ def test_closing_through_a_gear() -> None:
     m.add_drive("B", velocity=1.0)
     with pytest.raises(ArgumentError, match="constrains rates only"):
         m.assemblies(inputs=[])
+
+
+def anchored(offset: float | None, name: str = "ball", at: float = 1.0) -> pt.Mechanism:
+    m = pt.Mechanism("anchored")
+    m.add_body(name, mass=1.0, inertia=(0.1, 0.1, 0.1), position=(0.3, -at, 0.2))
+    m.add_body("other", mass=2.0, inertia=(0.1, 0.1, 0.1), position=(0.3, -2.5 * at, 0))
+    terms = [
+        pt.Distance(m.ground, (0, 0, 0), name, (0, 0, 0)),
+        pt.Along(name, (0, 0, 0), (0, 1, 0), "other", (0.1, 0, 0)),
+        pt.Cosine(m.ground, (1, 0, 0), "other", (0, 1, 1)),
+    ]
+    m.add_coupler("wire", terms[:1], [2.0], offset)
+    m.add_coupler("sum", terms, [1.0, -2.0, 0.5])
+    return m
+
+
+@BOTH
+def test_a_coupler_of_measurements_holds_what_is_drawn(coordinates: str) -> None:
+    for name, at in (("ball", 1.0), ("a bob", 0.02)):
+        m = anchored(None, name, at)
+        assert not m.check().remarks
+        start = m.assemble(coordinates=coordinates)
+        drawn = m.compile(coordinates=coordinates).core.initial()[0]
+        assert np.max(np.abs(start.q - drawn)) < 1e-12 and m.couplings["wire"].offset is None
+        run = m.simulate(0.3, coordinates=coordinates)
+        assert run.success and run.certificate.verdict == "valid" and not run.notes
+        away = np.linalg.norm(run.body(name).position, axis=1)
+        assert np.max(np.abs(away - np.linalg.norm((0.3, -at, 0.2)))) < 1e-9
+
+
+def test_a_start_far_from_the_drawing_is_remarked(tmp_path: Path) -> None:
+    m = anchored(6.0)
+    assert ["wire" in remark for remark in m.check().remarks] == [True]
+    run = m.simulate(0.1)
+    assert any('coupler "wire": its value is 2.12' in note and "far from the drawing" in note for note in run.notes)
+    near = anchored(2.0 * np.linalg.norm((0.3, -1.0, 0.2)) + 1e-3)
+    assert not near.check().remarks
+    again = pt.load(anchored(None).save(tmp_path / "anchored.toml").path)
+    assert again.to_spec() == anchored(None).to_spec()

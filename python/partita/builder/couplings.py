@@ -39,7 +39,7 @@ def add_coupler(
     name: str,
     terms: Sequence[Any],
     factors: ArrayLike,
-    offset: Quantity = 0.0,
+    offset: Quantity | None = None,
     *,
     word: str = "coupler",
 ) -> Coupling:
@@ -52,7 +52,8 @@ def add_coupler(
             number of them.
         factors: one nonzero number for each term. The first has no unit; the others convert their terms to the unit of
             the first: (1, "-20 mm/rad") for a translation and a rotation.
-        offset: value of the sum, in the unit of the first term; coordinates of joints are zero as drawn.
+        offset: value of the sum, in the unit of the first term; None: as drawn, so that the drawing satisfies it
+            (coordinates of joints are zero as drawn).
         word: what reports and messages call it.
 
     In absolute coordinates, and for joints that close loops in space, whole turns are not known. If the factors have no
@@ -77,8 +78,10 @@ def add_coupler(
         element.fail(f"there are {len(found)} terms but {len(weights)} factors; give one for each")
     if 0.0 in weights:
         element.fail(f"factor {weights.index(0.0)} is 0; leave that term out")
-    data = {"factors": weights, "offset": number(element, "offset", offset, units[0])}
-    call = ("add_coupler", {"terms": found, **data, "word": str(word)})
+    given = None if offset is None else number(element, "offset", offset, units[0])
+    as_drawn = sum(weight * drawn(self, term) for weight, term in zip(weights, found, strict=True))
+    data = {"factors": weights, "offset": as_drawn if given is None else given}
+    call = ("add_coupler", {"terms": found, "factors": weights, "offset": given, "word": str(word)})
     return _store(self, CouplingRecord(element.name, "linear", str(word), tuple(found), data, call))
 
 

@@ -115,9 +115,13 @@ def measure(mechanism: Drawing, element: Element, value: Any) -> Spec:
 
 def drawn(mechanism: Drawing, spec: Spec) -> float:
     """The value of a measure as drawn."""
+    return valued(mechanism._description, spec)
+
+
+def valued(d: Description, spec: Mapping[str, Any]) -> float:
+    """The same, of a description."""
     if spec["of"] == "joint":
         return 0.0
-    d = mechanism._description
     if spec["of"] == "cosine":
         axes = [
             to_world(d, spec[f"body{i}"], np.array(spec[f"axis{i}"])) - to_world(d, spec[f"body{i}"], np.zeros(3))

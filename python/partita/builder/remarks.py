@@ -5,13 +5,14 @@ from __future__ import annotations
 from itertools import chain
 
 from .calls import references
+from .gaps import far_from_drawn
 from .points import misplaced
 from .records import Description
 
 
 def remarks(d: Description) -> list[str]:
-    """Points that seem to be given in the world, and bodies on which nothing acts."""
-    return [*misplaced(d), *(_sentence(name) for name in unconnected(d))]
+    """Points that seem to be given in the world, bodies on which nothing acts, starts far from the drawing."""
+    return [*misplaced(d), *(_sentence(name) for name in unconnected(d)), *far_from_drawn(d)]
 
 
 def unconnected(d: Description) -> list[str]:

@@ -37,7 +37,7 @@ def build() -> Mechanism:
     m.add_revolute("wheel", m.ground, wheel, point=(L, 0, 0), axis=(0, 0, 1))
     m.add_drive("wheel", ((0.0, LAST), (0.0, OMEGA * LAST)))
     height = Along(m.ground, (0, 0, 0), (0, 1, 0), axle, (L, 0, 0))
-    m.add_coupler("rocking", [height, Cosine(m.ground, (0, 1, 0), wheel, (1, 0, 0))], factors=(1.0, -R))
+    m.add_coupler("rocking", [height, Cosine(m.ground, (0, 1, 0), wheel, (1, 0, 0))], factors=(1.0, -R), offset=0.0)
     m.add_spring("left spring", m.ground, (0, 0, 0), left, (0, 0, 0), stiffness=1.0, length=L0)
     m.add_spring("right spring", axle, (L, 0, 0), right, (0, 0, 0), stiffness=1.0, length=L0)
     return m

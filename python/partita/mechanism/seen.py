@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from .. import notebook
 from ..builder.bodies import to_world
 from ..builder.compiled import CompiledModel
-from ..builder.records import GROUND, Description, JointRecord
+from ..builder.gaps import point_of, size_of
+from ..builder.records import Description, JointRecord
 from ..errors import ArgumentError, PartitaError
 from ..extras import extra
 from ..files import put, target
@@ -225,7 +226,7 @@ def _as_drawn(self: Modelled, summary: Mapping[str, Any] | None, reason: str) ->
     from ..viewer.still import Still, StillBody, StillJoint
 
     d = self._description
-    size = _size(d)
+    size = size_of(d)
     ends = [end for joint in d.joints.values() for end in _ends(d, joint, size)]
     seen = {
         "name": d.name,
@@ -259,19 +260,6 @@ def _as_drawn(self: Modelled, summary: Mapping[str, Any] | None, reason: str) ->
     )
 
 
-def _point(d: Description, joint: JointRecord) -> FloatArray:
-    """Point of a joint in the world of the drawing."""
-    if joint.point is not None:
-        return joint.point
-    return to_world(d, joint.parent if joint.child == GROUND else joint.child, np.zeros(3))
-
-
-def _size(d: Description) -> float:
-    """Diagonal of the box around bodies and joints as drawn."""
-    positions = [body.position for body in d.bodies.values()] + [_point(d, joint) for joint in d.joints.values()]
-    return float(np.linalg.norm(np.ptp(np.array(positions), axis=0))) if positions else 0.0
-
-
 class _End(NamedTuple):
     """A joint, or the end of an open one on one of its bodies, and where it is drawn."""
 
@@ -286,13 +274,13 @@ def _open(d: Description, joint: JointRecord, size: float) -> float:
     """Distance between the two points of a joint as drawn; 0 where they are one."""
     if joint.child_point is None:
         return 0.0
-    length = float(np.linalg.norm(joint.child_point - _point(d, joint)))
+    length = float(np.linalg.norm(joint.child_point - point_of(d, joint)))
     return length if length > APART * size else 0.0
 
 
 def _ends(d: Description, joint: JointRecord, size: float) -> list[_End]:
     """The joint, or where its points are apart, its end on each body."""
-    point = _point(d, joint)
+    point = point_of(d, joint)
     if joint.child_point is None or not _open(d, joint, size):
         return [_End(joint.name, joint, joint.parent, joint.child, point)]
     return [
@@ -308,7 +296,7 @@ def _gaps(d: Description, size: float) -> list[Gap]:
     found = []
     for joint in d.joints.values():
         if joint.child_point is not None and (length := _open(d, joint, size)):
-            found.append(Gap(f"{joint.name}: {length:.4g} m apart", (_point(d, joint), joint.child_point)))
+            found.append(Gap(f"{joint.name}: {length:.4g} m apart", (point_of(d, joint), joint.child_point)))
     for coupling in d.couplings.values():
         asked = coupling.call[1].get("length") if coupling.word == "distance" else None
         if asked is None:
