@@ -1,6 +1,7 @@
 """Families of equilibria, preloads, and all equilibria of a mechanism: closed forms and independent solvers."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -406,3 +407,47 @@ def test_deflation_finds_what_the_first_search_does_not():
     m.add_revolute("A", m.ground, a, point=(0, 0, 0))
     m.add_revolute("B", a, b, point=(0, -1, 0))
     assert [e.stable for e in m.equilibria(10)] == [True, False, False, False]
+
+
+def beside_its_anchor(at: tuple[float, float], anchor: tuple[float, float, float] = (0.3, -0.2, 0.0)) -> Any:
+    """A double pendulum held by a spring in compression, and its state this far from the spring's length 0."""
+    m = pt.Mechanism("double pendulum")
+    m.add_rod("a", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_rod("b", start=(1, 0, 0), end=(2, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, "a", point=(0, 0, 0))
+    m.add_revolute("B", "a", "b", point=(1, 0, 0))
+    m.add_spring("S", m.ground, anchor, "b", m.bodies["b"].world((2, 0, 0)), stiffness=300.0, length=0.9)
+    half = math.acos(0.5 * math.hypot(*anchor))
+    return m, {"A": math.atan2(anchor[1], anchor[0]) + half + at[0], "B": -2.0 * half + at[1]}
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_soft_direction_beside_a_stiff_one_is_no_rest(coordinates: str) -> None:
+    """At a spring length of 1e-7 the force turns with the least displacement across: a stiffness of 1e9, beside which
+    that along the spring, 300 N/m, is rounding, and still 270 N act along it."""
+    for size in (1e-6, 2e-7, 1e-8):
+        for x, y in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (-0.3, 0.8)):
+            m, angles = beside_its_anchor((size * x, size * y))
+            try:
+                found = m.equilibrium(m.assemble(angles, coordinates=coordinates), coordinates=coordinates)
+            except ArgumentError as error:
+                assert "no equilibrium was found from here" in str(error)
+                continue
+            model = m.compile(coordinates=coordinates)
+            assert np.max(np.abs(model.at(found.state.q, found.state.v, 0.0).vdot)) < 1e-6
+
+
+def test_drives_that_rest_but_accelerate_have_no_equilibrium() -> None:
+    m = pt.Mechanism("lift")
+    m.add_body("cart", mass=1.0, inertia=(1, 1, 1))
+    m.add_rod("rod", start=(0, 0, 0), end=(0, -1, 0), mass=1.0)
+    m.add_prismatic("S", m.ground, "cart", axis=(1, 0, 0))
+    m.add_revolute("A", "cart", "rod", point=(0, 0, 0))
+    m.add_drive("S", position=lambda t: 0.1 * (1.0 - np.cos(5.0 * t)))
+    for coordinates in ("relative", "absolute"):
+        with pytest.raises(ArgumentError, match="rest at t = 0 s, but accelerate"):
+            m.equilibrium(m.assemble(coordinates=coordinates), coordinates=coordinates)
+        assert not m.linearize(m.assemble(coordinates=coordinates)).steady
+    m.drives["drive of S"].change(position=0.1)
+    assert m.equilibrium().state.position("A") == pytest.approx(0.0, abs=1e-9)
+    assert m.linearize(m.equilibrium().state).steady

@@ -75,6 +75,15 @@ impl Here {
         self.force.iter().zip(&self.pull).all(|(f, p)| f.abs() <= tolerance::ROUNDING * p)
     }
 
+    /// Forces along a direction of the natural metric that rounding explains: of single loads that cancel, and of
+    /// coordinates along the stiffest direction.
+    pub fn noise(&self, found: &Curvatures) -> f64 {
+        let mut pull = self.pull.clone();
+        self.forward(&mut pull);
+        tolerance::SOLUTION_ROUNDING.sqrt() * dense::dot(&pull, &pull).sqrt()
+            + tolerance::SOLUTION_ROUNDING * found.largest
+    }
+
     /// The independent velocity with the largest effort that is left.
     pub fn most(&self, displacement: &[f64]) -> Option<(usize, f64)> {
         let work = |i: usize| (self.force[i] * displacement[self.independent[i]]).abs();
@@ -176,6 +185,19 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
         here.forward(&mut along);
         here.size = dense::dot(&along, &along).sqrt();
         Ok(here)
+    }
+
+    /// The dependent velocity that drives accelerate most where all rest, with its acceleration, after `look`.   (P2)
+    pub fn accelerated(&self) -> Option<(usize, f64)> {
+        let r = &self.reduction;
+        if !r.system.rheonomic() {
+            return None;
+        }
+        let mut growth: Vec<f64> = r.partition.rows.iter().map(|&i| -r.b[i]).collect();
+        r.solve(&mut growth, 1);
+        let size = |(i, x): &(usize, f64)| (x / self.displacement[*i]).abs();
+        let each = r.partition.dependent.iter().copied().zip(growth).filter(|(_, x)| *x != 0.0);
+        each.max_by(|a, b| size(a).total_cmp(&size(b)))
     }
 
     /// Change of Φ (kept rows in their order) and of r = M v' − h − Cᵀ λ (n) from these equations to others at the same q

@@ -71,17 +71,23 @@ impl<S: ConstrainedSystem + Varied> Search<'_, '_, S> {
         let mut force = here.force.clone();
         here.forward(&mut force);
         let small = tolerance::SOLUTION_ROUNDING.sqrt() * found.largest;
+        let (curvature_noise, force_noise) = (tolerance::SOLUTION_ROUNDING * found.largest, here.noise(&found));
         let mut z = if found.symmetric || self.stable {
             let mut z = vec![0.0; k];
             for (j, value) in found.values.iter().enumerate() {
                 let along: f64 = (0..k).map(|i| found.vectors[(i, j)] * force[i]).sum();
-                // down the potential along directions of negative curvature, nowhere along indifferent ones
+                // down the potential along directions of negative curvature, nowhere along indifferent ones; beside a
+                // stiff direction a soft one looks indifferent, but a force along it is left
                 let curvature = if self.stable { value.abs() } else { *value };
-                if curvature.abs() > small {
-                    (0..k).for_each(|i| z[i] += found.vectors[(i, j)] * along / curvature);
-                } else if along.abs() > small {
-                    (0..k).for_each(|i| z[i] += found.vectors[(i, j)] * along.signum() * LONGEST_STEP);
-                }
+                let by = if curvature.abs() > small || (curvature.abs() > curvature_noise && along.abs() > force_noise)
+                {
+                    along / curvature
+                } else if along.abs() > force_noise {
+                    along.signum() * LONGEST_STEP
+                } else {
+                    0.0
+                };
+                (0..k).for_each(|i| z[i] += found.vectors[(i, j)] * by);
             }
             z
         } else {
@@ -238,12 +244,21 @@ pub fn equilibrium(
 fn at_rest<S: ConstrainedSystem + Varied>(rest: &Rest<S>) -> Result<(), AnalysisError> {
     let rate = |i: usize| (rest.reduction.gamma[i] / rest.displacement[i]).abs();
     let fastest = (0..rest.displacement.len()).max_by(|&a, &b| rate(a).total_cmp(&rate(b)));
-    let Some(i) = fastest.filter(|&i| rest.reduction.gamma[i] != 0.0) else { return Ok(()) };
+    if let Some(i) = fastest.filter(|&i| rest.reduction.gamma[i] != 0.0) {
+        let message = format!(
+            "drives move at t = {} s: {} at {:.3e} per second; an equilibrium needs a time at which they rest",
+            rest.t,
+            rest.reduction.system.velocity_name(i),
+            rest.reduction.gamma[i]
+        );
+        return Err(AnalysisError::Argument { argument: "t", message });
+    }
+    let Some((i, growth)) = rest.accelerated() else { return Ok(()) };
     let message = format!(
-        "drives move at t = {} s: {} at {:.3e} per second; an equilibrium needs a time at which they rest",
+        "drives rest at t = {} s, but accelerate: {} by {growth:.3e} per second squared; an equilibrium needs a time at \
+         which they stay at rest",
         rest.t,
         rest.reduction.system.velocity_name(i),
-        rest.reduction.gamma[i]
     );
     Err(AnalysisError::Argument { argument: "t", message })
 }
