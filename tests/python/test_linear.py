@@ -414,3 +414,53 @@ def test_a_bicycle_described_by_its_wheel_is_refused_with_the_remedy():
     assert not lin.steady
     with pytest.raises(ArgumentError, match=r'"wheel\.w[xyz]" is measured in axes that turn .* m\.add_free\("pose"'):
         lin.modes()
+
+
+def turning(load=None, t0=0.0, **more):
+    """A wheel on which a load acts that may depend on time, beside a mass on a spring that rests."""
+    m = pt.Mechanism("wheel", gravity=None)
+    m.add_body("wheel", mass=1.0, inertia=(1, 1, 1))
+    m.add_body("block", mass=1.0, inertia=(1, 1, 1))
+    m.add_revolute("A", m.ground, "wheel", point=(0, 0, 0))
+    m.add_prismatic("S", m.ground, "block", axis=(1, 0, 0))
+    m.add_spring("spring", m.ground, (-1, 0, 0), "block", (0, 0, 0), stiffness=9.0)
+    m.add_torsion_spring("A", stiffness=4.0)
+    if load is not None:
+        m.add_torque("A", load, **more)
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("t0", [0.0, 0.3])
+def test_loads_that_change_with_time_are_not_steady(coordinates, t0):
+    times = np.linspace(0.0, 5.0, 101)
+    changing = [
+        lambda t, s: -(2.0 + np.cos(t)) * s.position("A"),
+        lambda t, s: -(2.0 + np.cos(3.0 * t)) * s.velocity("A"),
+        lambda t, s: np.sin(t - t0),
+        (times, 1.0 - np.cos(2.0 * np.pi * (times - t0))),
+        (times, np.maximum(0.0, times - t0 - 0.05)),
+    ]
+    if coordinates == "absolute":
+        changing = changing[2:]
+    for load in changing:
+        m = turning(load)
+        lin = m.linearize(m.assemble(t=t0, coordinates=coordinates), coordinates=coordinates)
+        assert not lin.steady, load
+        with pytest.raises(ArgumentError, match="not steady"):
+            lin.modes()
+    lasting = [None, 0.0, (times, 0.0 * times), (times, np.maximum(0.0, times - 4.0))]
+    if coordinates == "relative":
+        lasting += [lambda t, s: -2.0 * s.position("A"), lambda t, s: -0.1 * s.velocity("A") + 0.0 * t]
+    for load in lasting:
+        m = turning(load)
+        assert m.linearize(m.assemble(t=t0, coordinates=coordinates), coordinates=coordinates).steady, load
+    # a load over an angle is none over time
+    m = turning(([-1.0, 0.0, 1.0], [1.0, 0.0, -1.0]), over="A")
+    assert m.linearize(m.assemble(t=t0, coordinates=coordinates), coordinates=coordinates).steady
+    # a steady turn under a torque that is zero at this time alone
+    m = turning()
+    m.forces.remove(next(force for force in m.forces if force != "spring"))
+    m.add_torque("A", lambda t, s: np.sin(t - t0))
+    lin = m.linearize(m.assemble(rates={"A": 2.0}, t=t0, coordinates=coordinates), coordinates=coordinates)
+    assert not lin.steady

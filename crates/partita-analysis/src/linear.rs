@@ -9,12 +9,16 @@ use partita_math::dense::{self, Matrix};
 use partita_math::factor::{self, Eigen, FactorError};
 use partita_math::sorting::sort_by;
 use partita_math::tolerance;
-use partita_model::Model;
+use partita_model::{time_domain, Model};
 use partita_system::prelude::*;
 pub use partita_system::variation::Driven;
 
 use partita_system::variation::{Derivatives, FirstOrder, Solved, StateError, Varied};
 use partita_system::{ConstrainedSystem, SystemRef};
+
+/// Later times at which a steady state is looked at again. Unit: natural time of the linearisation, and s. Reason: a
+/// load changes visibly within a tenth of the time in which the mechanism moves, and no wave has its period in all.
+const LATER: [f64; 2] = [0.1, 0.0703];
 
 /// The linearised equations.
 pub struct Linearized {
@@ -123,11 +127,11 @@ pub fn linearize(
     let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
     let found = solved.first_order(efforts, driven)?;
     let still = system.travel(v) == 0.0;
-    // at rest, loads given over time are those of this time
     let lasting = if still || !system.rheonomic() { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
     let steady = lasting
         && !accelerates(&*system, &solved, &found)
-        && (still || unchanging(&solved, (t, q, v), &found, driven)?);
+        && (still || unchanging(&solved, (t, q, v), &found, driven)?)
+        && lasts(model, &solved, (t, q, v), &found, driven)?;
     let conservative = steady && still && driven.is_empty() && !system.rheonomic() && is_conservative(&found);
     let mut made = Linearized {
         first_order: found,
@@ -218,6 +222,48 @@ fn persists<S: ConstrainedSystem + Varied>(
         let grown = (ahead.vdot[i] - behind.vdot[i]).abs() / (2.0 * h);
         grown <= tolerance::OPEN * size(i) * strongest * fastest
     }))
+}
+
+/// Whether time itself changes nothing: loads and drives a little later, at the same positions and velocities. Where
+/// drives move the mechanism, they change it along the motion alone.
+fn lasts(
+    model: &Model,
+    solved: &Solved<Model>,
+    (t, q, v): (f64, &[f64], &[f64]),
+    found: &FirstOrder,
+    driven: &[Driven],
+) -> Result<bool, AnalysisError> {
+    let still = model.travel(v) == 0.0;
+    let changes = model.rheonomic() || time_domain::changes(&model.spec);
+    if !changes || (model.rheonomic() && !still) {
+        return Ok(true);
+    }
+    let (kz, n, sizes) = (found.displacements.cols(), found.f0.len(), sizes(model, found));
+    let scaled = |a: &Matrix, i: usize, j: usize| a[(i, j)] * sizes[j] / sizes[i];
+    let all = || (kz..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+    let largest = all().fold(0.0, |m: f64, (i, j)| m.max(scaled(&found.a, i, j).abs()));
+    let natural = if largest > 1.0 { 1.0 / largest.sqrt() } else { 1.0 };
+    let strongest =
+        (0..v.len()).fold(0.0, |m: f64, i| m.max(solved.vdot[i].abs() / model.characteristic_displacement(i)));
+    let exact = found.derivatives == Derivatives::Exact;
+    let bound = largest.max(strongest) * if exact { tolerance::CLOSED_IN_RUN } else { tolerance::OPEN };
+    let independent = Some(&*solved.reduction.partition.independent);
+    for later in LATER.iter().flat_map(|x| [x * natural, *x]) {
+        let there = match Solved::new(solved.reduction.system.clone(), (t + later, q, v), independent) {
+            Ok(there) => there,
+            Err(StateError::Inconsistent { .. }) => return Ok(false),
+            // a table has ended, or a function is not defined there: nothing is known of that time
+            Err(StateError::System(_)) => continue,
+        };
+        let by = |i: usize| (there.vdot[i] - solved.vdot[i]).abs() / model.characteristic_displacement(i);
+        let first = there.first_order(&[], driven)?;
+        let grown = |(i, j): (usize, usize)| (scaled(&first.a, i, j) - scaled(&found.a, i, j)).abs();
+        if (0..v.len()).any(|i| by(i) > bound) || first.positions != found.positions || all().any(|e| grown(e) > bound)
+        {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Whether A does not change along the motion: axes that turn with a body, and unequal inertias that turn, change it and

@@ -13,6 +13,28 @@ fn tables(value: &VectorValue) -> Vec<&Value> {
 /// The name of an element and what it is.
 type Named<'s> = (&'s str, &'static str);
 
+/// Whether a force may change with time: by tables, or by functions.
+pub fn changes(spec: &Spec) -> bool {
+    let varies = |value: &Value| match value {
+        Value::Constant(_) => false,
+        Value::Table(t) => t.coefficients.iter().any(|c| c[..3] != [0.0; 3] || c[3] != t.coefficients[0][3]),
+        Value::Function(_) => true,
+    };
+    spec.forces.iter().flat_map(over_time).any(varies)
+}
+
+/// The values of a force over time.
+fn over_time(force: &Force) -> Vec<&Value> {
+    match force {
+        // a table over a coordinate has no end in time
+        Force::Torque { over: Some(_), .. } => Vec::new(),
+        Force::Torque { value, .. } => vec![value],
+        Force::Force { value, .. } => tables(value),
+        Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),
+        other => other.record().map_or_else(Vec::new, ForceRecord::values),
+    }
+}
+
 /// All tables over time, with their element and how they enter.
 fn all(spec: &Spec) -> impl Iterator<Item = (&Table, Named<'_>, Enters)> {
     let drives = spec.drives.iter().map(|d| {
@@ -22,17 +44,10 @@ fn all(spec: &Spec) -> impl Iterator<Item = (&Table, Named<'_>, Enters)> {
         };
         (&d.motion, (&d.name[..], "drive"), enters)
     });
-    let forces = spec.forces.iter().flat_map(|f| {
-        let values: Vec<&Value> = match f {
-            // a table over a coordinate has no end in time
-            Force::Torque { over: Some(_), .. } => Vec::new(),
-            Force::Torque { value, .. } => vec![value],
-            Force::Force { value, .. } => tables(value),
-            Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),
-            other => other.record().map_or_else(Vec::new, ForceRecord::values),
-        };
-        values.into_iter().map(|value| (value, (f.name(), "force"), Enters::Effort))
-    });
+    let forces = spec
+        .forces
+        .iter()
+        .flat_map(|f| over_time(f).into_iter().map(|value| (value, (f.name(), "force"), Enters::Effort)));
     drives.chain(forces).filter_map(|(value, named, enters)| match value {
         Value::Table(table) => Some((table, named, enters)),
         Value::Constant(_) | Value::Function(_) => None,

@@ -42,11 +42,12 @@ class Linearization:
         mass, stiffness, damping: M_d, and the changes of the forces in independent coordinates by positions and
             velocities, each with its sign on the left-hand side; at rest M_d u' + damping u + stiffness z = 0.
         steady: whether f0 and A remain what they are: rest, or a motion along coordinates on which nothing depends (a
-            bicycle running straight, a spinning shaft). Only then do the eigenvalues of A not depend on the
-            coordinates, but for the axes of a motion that turns: states such as "top.x" are measured in space, turns
-            such as "top.wx" in axes of the body, which turn with it, and there an oscillation has another frequency by
-            that of the spin. Where the body is not the same in all its positions (an unequal inertia in fixed bearings,
-            a wheel on the ground in its own axes), A changes with the turn: not steady.
+            bicycle running straight, a spinning shaft), under loads that do not change with time. Only then do the
+            eigenvalues of A not depend on the coordinates, but for the axes of a motion that turns: states such as
+            "top.x" are measured in space, turns such as "top.wx" in axes of the body, which turn with it, and there an
+            oscillation has another frequency by that of the spin. Where the body is not the same in all its positions
+            (an unequal inertia in fixed bearings, a wheel on the ground in its own axes), A changes with the turn: not
+            steady.
         conservative: at rest, without dissipation.
         method: "exact", or "differences" where functions given in Python or reaction-dependent frictions are
             differentiated numerically (errors of about 1e-9 of the largest entries).
@@ -93,7 +94,9 @@ class Linearization:
         """
         if self._found is None or self._shapes is None:
             speed = float(np.max(np.abs(self.state.v), initial=0.0))
-            rest = "it accelerates" if speed == 0.0 else f"it moves (fastest {speed:.3g} rad/s or m/s)"
+            grows = np.max(np.abs(self.f0), initial=0.0) > 1e-9 * (1.0 + np.max(np.abs(self.A), initial=0.0))
+            still = "it accelerates" if grows else "its loads or drives change with time"
+            rest = still if speed == 0.0 else f"it moves (fastest {speed:.3g} rad/s or m/s)"
             raise ArgumentError(
                 f"the state at t = {self.state.t:g} s is not steady: {rest}, so that eigenvalues of A would depend "
                 "on the choice of coordinates; linearise about an equilibrium (m.equilibrium()) or a steady motion"
