@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -399,3 +400,38 @@ def test_a_study_is_read_and_shown_like_a_result() -> None:
     assert m.simulate(0.01, initial=state).success
     with pytest.raises(AttributeError):
         k.q = np.zeros(3)  # type: ignore[misc]
+
+
+def geared(ratio: float, names: tuple[str, str, str] = ("A", "G", "K"), late: bool = False) -> pt.Mechanism:
+    """A crank, a wheel that it turns by a gear, and a rack on the wheel; the joints in either order."""
+    m = pt.Mechanism("gear", gravity=None)
+    for name, at in (("a", (0, 0, 0)), ("g", (1, 0, 0)), ("k", (0, 0, 1))):
+        m.add_body(name, mass=1.0, inertia=(1, 1, 1), position=at)
+    calls = [
+        lambda: m.add_revolute(names[0], m.ground, "a", (0, 0, 0)),
+        lambda: m.add_revolute(names[1], m.ground, "g", (1, 0, 0), axis=(0, 0, 1)),
+        lambda: m.add_prismatic(names[2], m.ground, "k", axis=(0, 0, 1)),
+    ]
+    for call in reversed(calls) if late else calls:
+        call()
+    m.add_gear(names[0], names[1], ratio=ratio)
+    m.add_rack(names[1], names[2], radius=0.2)
+    return m
+
+
+@pytest.mark.parametrize("ratio", [0.7137, -1.6180339887, 0.5, math.pi])
+def test_a_gear_without_a_common_period_keeps_its_phase(ratio: float) -> None:
+    """In absolute coordinates whole turns are not known, so that such a gear constrains rates alone there."""
+    for late, end in ((False, 0.3), (True, 2.0), (False, -9.0)):
+        m, turn = geared(ratio, ("crank", "wheel", "rack") if late else ("A", "G", "K"), late), np.linspace(0.0, end, 7)
+        crank, wheel, rack = m.joints
+        crank, wheel, rack = (rack, wheel, crank) if late else (crank, wheel, rack)
+        for coordinates in ("relative", "absolute"):
+            k = m.kinematics({crank: turn}, rates={crank: 1.0}, coordinates=coordinates)
+            assert k.success
+            off = k.joint(wheel).position[:, 0] - ratio * turn
+            assert np.max(np.abs(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi)))) < 1e-9
+            assert np.max(np.abs(k.joint(rack).position[:, 0] - 0.2 * ratio * turn)) < 1e-9
+            assert np.max(np.abs(k.joint(wheel).velocity[:, 0] - ratio)) < 1e-9
+            found = m.workspace({crank: turn}, actuators=[crank], coordinates=coordinates, of=("k", (0, 0, 0)))
+            assert np.max(np.abs(found.positions[:, 2] - 1.0 - 0.2 * ratio * turn)) < 1e-9

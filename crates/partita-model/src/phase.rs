@@ -14,7 +14,8 @@ impl Model {
     /// # Errors
     /// `Argument`: "coordinates".
     pub fn held_on(&self, from: &[f64], to: &[f64]) -> Result<(), SystemError> {
-        let of_rates = || self.full.conditions.iter().filter(|c| !c.holonomic);
+        let linear = |says: &Says<_>| matches!(says, Says::Law(Law::Linear { .. }, _));
+        let of_rates = || self.full.conditions.iter().filter(|c| !c.holonomic && linear(&c.says));
         if of_rates().next().is_none() {
             return Ok(());
         }

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..analyses.still import place
 from ..builder.compiled import CompiledModel
-from ..errors import AssemblyError
+from ..errors import ArgumentError, AssemblyError
 from ..naming import index_of
 from ..results.body import BodyResult, resting
 from ..state import Layout, State
@@ -18,7 +18,7 @@ from ..units import Quantity
 from .branches import on_branch
 from .goals import Goal, columns, inputs_of, relative_to
 from .models import Modelled, layout_of
-from .solve import assemble
+from .solve import _converted, assemble
 
 FloatArray = NDArray[np.float64]
 
@@ -206,10 +206,37 @@ def found_poses(
     if branch is not None:
         inputs = inputs_of(goals, model)
         start = State(start.t, on_branch(model, start.t, start.q, branch, inputs), start.v, layout=layout)
-    raw = model.core.poses(start.t, start.q, goals, values)
+    raw = poses_near(self, model, start, goals, values, coordinates, parameters)
     numbers = raw["status"]
     raw["ok"], raw["status"] = numbers == 0, np.array(raw["words"], dtype="U13")[numbers]
     return Found(model, layout, start, goals, values, indices, raw)
+
+
+def poses_near(
+    self: Modelled,
+    model: CompiledModel,
+    start: State,
+    goals: list[Goal],
+    values: FloatArray,
+    coordinates: str,
+    parameters: Mapping[str, ArrayLike] | None,
+) -> dict[str, Any]:
+    """Poses for the rows of values on the branch of a state. Where a coupling constrains rates alone in absolute
+    coordinates, its phase is known in relative ones, in which they are found then."""
+    try:
+        return model.core.poses(start.t, start.q, goals, values)
+    except ArgumentError as error:
+        if error.argument != "coordinates" or coordinates != "absolute":
+            raise
+    relative, _ = layout_of(self, "relative", parameters)
+    near = _converted(self, start, "relative", parameters)
+    raw = relative.core.poses(near.t, near.q, goals, values)
+    rows = np.full((len(values), start.q.size), np.nan)
+    rest = np.zeros(near.v.size)
+    for i in np.flatnonzero(raw["status"] == 0):
+        rows[i], _ = model.core.transferred(relative.core, raw["q"][i], rest)
+    raw["q"] = rows
+    return raw
 
 
 def orientations_at(model: CompiledModel, state: State) -> Callable[[int], FloatArray]:

@@ -23,7 +23,7 @@ from ..state import Layout, State
 from .branches import on_branch
 from .goals import Goal, goals_of, inputs_of, orientation_goals, units_of
 from .models import Modelled, compile, layout_of
-from .poses import orientations_at
+from .poses import orientations_at, poses_near
 from .solve import assemble
 
 FloatArray = NDArray[np.float64]
@@ -66,6 +66,8 @@ class Room(NamedTuple):
     layout: Layout
     start: State
     axes: list[Axis]
+    coordinates: str = "relative"
+    parameters: Mapping[str, ArrayLike] | None = None
 
     @property
     def goals(self) -> list[Goal]:
@@ -84,7 +86,11 @@ class Room(NamedTuple):
 
     def poses(self, values: FloatArray) -> dict[str, Any]:
         """Positions for the rows of values on the branch of the start."""
-        return self.model.core.poses(self.start.t, self.start.q, self.goals, values)
+        return self.poses_near(self.start, values)
+
+    def poses_near(self, start: State, values: FloatArray) -> dict[str, Any]:
+        """The same on the branch of another state."""
+        return poses_near(self.mechanism, self.model, start, self.goals, values, self.coordinates, self.parameters)
 
     def unreachable(self, found: Mapping[str, Any]) -> AssemblyError:
         """Why none of these positions could be reached."""
@@ -147,7 +153,7 @@ def room_of(
     if branch is not None:
         inputs = inputs_of([goal for axis in axes for goal in axis.goals], model)
         start = State(start.t, on_branch(model, start.t, start.q, branch, inputs), start.v, layout=layout)
-    return Room(mechanism, model, layout, start, axes)
+    return Room(mechanism, model, layout, start, axes, coordinates, parameters)
 
 
 def _axes(grid: Any, model: CompiledModel, start: State) -> list[Axis]:

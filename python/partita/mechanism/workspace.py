@@ -171,7 +171,7 @@ def _sheets(room: Room, values: FloatArray, seeds: FloatArray) -> tuple[dict[str
         notes += [f"assemblies: {note}" for note in words if f"assemblies: {note}" not in notes]
     sheets = {}
     for name, q in sorted(first.items()):
-        found = core.poses(start.t, q, room.goals, values)
+        found = room.poses_near(State(start.t, q, start.v, layout=room.layout), values)
         reached = found["status"] == 0
         sheets[name] = np.where(reached[:, None], np.asarray(found["q"]), np.nan)
     return sheets, notes

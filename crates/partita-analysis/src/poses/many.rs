@@ -56,7 +56,7 @@ pub(super) fn put(found: &Found, reached: &[f64], rows: &mut Rows, i: usize) {
 /// Each pose depends only on its own values and on q.
 ///
 /// # Errors
-/// `Argument` where the values do not fit; those of functions that the model calls, and of `watch`.
+/// `Argument` where the values do not fit, or where a coupling that constrains rates alone loses its phase; those of functions that the model calls, and of `watch`.
 pub fn many(
     model: &Model,
     t: f64,
@@ -119,8 +119,8 @@ pub fn many(
     };
     let mut tables = tables.into_iter();
     let mut next = || tables.next().unwrap_or_default();
-    let (q, reached, reported) = (next(), next(), next());
-    let mut poses = Poses { q, reached, ..Poses::default() };
+    let (found, reached, reported) = (next(), next(), next());
+    let mut poses = Poses { q: found, reached, ..Poses::default() };
     for (i, x) in reported.chunks(RESULT).enumerate() {
         let outcome = Outcome::ALL[x[0] as usize];
         let found = Found { outcome, shortfall: x[1], angle: x[2], culprit: x[3] as usize, detour: x[4] != 0.0 };
@@ -135,6 +135,9 @@ pub fn many(
         poses.detour.push(found.detour);
     }
     poses.branch = explicit.map(|x| x.branch());
+    let nq = model.size().nq;
+    let closed = poses.outcomes.iter().enumerate().filter(|(_, outcome)| **outcome == Outcome::Closed);
+    closed.map(|(i, _)| i).try_for_each(|i| model.held_on(q, &poses.q[i * nq..][..nq]))?;
     Ok(poses)
 }
 
