@@ -53,7 +53,8 @@ pub(crate) fn diameter(points: &[Vec3<f64>]) -> f64 {
 }
 
 /// The median, over the bodies that have one, of the diameter of a body's joints, held points and centre of mass about
-/// their mean. Bodies smaller than [`tolerance::EQUAL`] of the whole have none.
+/// their mean. Bodies smaller than [`tolerance::EQUAL`] of the whole have none, nor those smaller than the drawing
+/// tolerance of the largest: a shoe with its hinge on its guide is as long as the error of either.
 pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
     let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i)).collect();
     let com = |b: &Body| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
@@ -73,5 +74,7 @@ pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
     let least = tolerance::EQUAL * typical_length(spec);
     let mut extents: Vec<f64> = points.iter().map(|x| diameter(x)).filter(|x| *x > least && x.is_finite()).collect();
     extents.sort_by(f64::total_cmp);
+    let errors = spec.drawing_tolerance * extents.last().copied().unwrap_or(0.0);
+    extents.retain(|x| *x > errors);
     extents.get(extents.len() / 2).copied()
 }

@@ -230,7 +230,10 @@ impl Model {
         let (mut geometry, joints) = geometry::decide(&model, model.spec.drawing_tolerance);
         if let Some(joints) = joints {
             let drawn = model.spec.clone();
-            model = Self::compiled(Spec { joints, ..(*drawn).clone() }, functions, form, false)?;
+            model = Self::compiled(Spec { joints, ..(*drawn).clone() }, functions.clone(), form, false)?;
+            if let Some(joints) = geometry::closed_zeros(&model, drawn.drawing_tolerance) {
+                model = Self::compiled(Spec { joints, ..(*drawn).clone() }, functions, form, false)?;
+            }
             geometry.drawn = Some(drawn);
         }
         model.geometry = Arc::new(geometry);

@@ -6,7 +6,7 @@
 //! the same drawing.
 
 use super::change::{is_sought, LARGEST, OWN};
-use super::{blocks, Drawing};
+use super::{bearings, blocks, Drawing};
 use crate::joint::alignment;
 use crate::model::Model;
 use crate::spec::JointKind;
@@ -95,9 +95,12 @@ impl Drawing {
     }
 }
 
-/// Whether nearly equal lengths of a block differ by more than rounding. Blocks too large for a search are skipped: the
+/// Whether nearly equal lengths of a block differ by more than rounding, or joints beside each other do. Blocks too large for a search are skipped: the
 /// number of relations grows with the third power of the number of axes in one line.
 pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
+    if bearings::are_off(model, tolerance) {
+        return true;
+    }
     let (size, near) = (model.placed.size, tolerance::INTENDED_PARALLEL * tolerance * model.placed.size);
     blocks::joints_of_blocks(&model.spec).into_iter().filter(|joints| is_sought(joints.len())).any(|joints| {
         let pins = pins(model, joints);

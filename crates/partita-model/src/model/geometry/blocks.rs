@@ -17,7 +17,7 @@ use std::collections::{BTreeSet, HashMap};
 /// Displacement of a body from its drawn pose: x becomes `turn` x + `shift`.
 #[derive(Clone, Copy)]
 pub(super) struct Moved {
-    turn: Mat3<f64>,
+    pub(super) turn: Mat3<f64>,
     shift: Vec3<f64>,
 }
 
@@ -26,12 +26,12 @@ impl Moved {
         Self { turn: Mat3::identity(), shift: Vec3::zero() }
     }
 
-    fn of(&self, point: Vec3<f64>) -> Vec3<f64> {
+    pub(super) fn of(&self, point: Vec3<f64>) -> Vec3<f64> {
         self.turn.apply(point) + self.shift
     }
 
     /// This displacement relative to a body that has moved itself.
-    fn seen_from(&self, base: &Self) -> Self {
+    pub(super) fn seen_from(&self, base: &Self) -> Self {
         let back = base.turn.transpose();
         Self { turn: back.mul(&self.turn), shift: back.apply(self.shift - base.shift) }
     }
@@ -41,7 +41,7 @@ impl Moved {
 pub(super) struct Pose(HashMap<String, Moved>);
 
 impl Pose {
-    fn of(&self, body: &str) -> Moved {
+    pub(super) fn of(&self, body: &str) -> Moved {
         self.0.get(body).copied().unwrap_or(Moved::nowhere())
     }
 

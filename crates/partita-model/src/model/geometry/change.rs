@@ -28,6 +28,10 @@ pub(super) const OWN: usize = 12;
 const ROUNDS: usize = 14;
 /// Number of positions at which the self-stresses are evaluated.
 const PLACES: usize = 14;
+/// Number of them in large blocks, at least.
+const FEW_PLACES: usize = 6;
+/// Number of products in a decomposition up to which all of them are used.
+const CHEAP: usize = 60_000_000;
 /// Fewer are not informative.
 const FEWEST: usize = 3;
 /// Singular values of the conditions below this multiple of the closure error are null. Scale: multiples of the closure
@@ -85,7 +89,8 @@ impl Drawing {
         let mut change = Change { numbers: begun.to_vec(), least: 1.0, weak: Vec::new() };
         let Some(mut now) = self.changed(&change.numbers) else { return Ok(None) };
         let cut = Cut::Rank(self.model.size().nv.saturating_sub(kernel));
-        let mut at: Vec<Vec<f64>> = spread(points, kernel).into_iter().map(|x| x.q.clone()).collect();
+        let places = self.places(kernel);
+        let mut at: Vec<Vec<f64>> = spread(points, kernel, places).into_iter().map(|x| x.q.clone()).collect();
         let (mut before, mut nothing) = (f64::INFINITY, super::WEAK_CONDITION);
         for _ in 0..ROUNDS {
             let (rows, closure_error) = now.asked(&mut at, cut, &now.conditions(kept))?;
@@ -126,6 +131,15 @@ impl Drawing {
             now = next;
         }
         Ok(None)
+    }
+
+    /// Number of positions at which the self-stresses are evaluated: of large blocks fewer, so that a decomposition stays
+    /// cheap. That the others fit is checked afterwards.
+    fn places(&self, kernel: usize) -> usize {
+        let columns = OWN * self.model.spec.joints.len();
+        let rank = self.model.size().nv.saturating_sub(kernel);
+        let stresses = Kernel::new(&self.model, 0.0).rows.len().saturating_sub(rank);
+        (CHEAP / (stresses * columns.pow(2)).max(1)).clamp(FEW_PLACES, PLACES)
     }
 
     /// Requirements of the self-stresses at the positions, closed again, and of the conditions on the drawing: rows of
@@ -215,7 +229,7 @@ impl Drawing {
     }
 
     /// Normal of the plane of its motion.
-    fn normal(&self) -> Option<Vec3<f64>> {
+    pub(super) fn normal(&self) -> Option<Vec3<f64>> {
         let up = Vec3([0.0, 0.0, 1.0]);
         self.model.is_planar().then(|| self.model.placed.basis.apply_transposed(up))
     }
@@ -338,11 +352,11 @@ fn across(direction: Vec3<f64>, to: &[Vec3<f64>], near: f64) -> Vec3<f64> {
 }
 
 /// Positions with the right kernel, spread over the paths.
-fn spread(points: &[BranchPoint], kernel: usize) -> Vec<&BranchPoint> {
+fn spread(points: &[BranchPoint], kernel: usize, places: usize) -> Vec<&BranchPoint> {
     let right: Vec<&BranchPoint> = points.iter().filter(|x| x.kernel.0 == kernel).collect();
     let all = if right.len() < FEWEST { points.iter().collect() } else { right };
-    let step = all.len() as f64 / PLACES.min(all.len()).max(1) as f64;
-    (0..PLACES.min(all.len())).map(|i| all[((i as f64 + 0.5) * step) as usize]).collect()
+    let step = all.len() as f64 / places.min(all.len()).max(1) as f64;
+    (0..places.min(all.len())).map(|i| all[((i as f64 + 0.5) * step) as usize]).collect()
 }
 
 /// Change the frames of a joint by displacements (in parts of `size`) and rotations, first on the parent; in a plane

@@ -16,6 +16,20 @@ use std::sync::Arc;
 
 /// The decision about one block.
 pub(super) fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, wanted: Wanted) -> Decided {
+    let undecided = || Decided::plain(Verdict::Undecided, None);
+    let Some(drawing) = Drawing::new(spec.clone(), functions.clone(), None, true) else { return undecided() };
+    if let Some(decided) = drawing.settled(drawing.afloat(floats), wanted.0) {
+        return decided;
+    }
+    // first, for without them nothing else moves: bearings on one axis
+    if let Some((laid, numbers)) = drawing.bearings(wanted.0) {
+        let joints = &laid.model.spec.joints;
+        let decided =
+            in_stages(&Spec { joints: joints.clone(), ..spec.clone() }, (functions.clone(), floats), wanted, true);
+        if decided.dof.is_some_and(|k| k > 0) || decided.ambiguous.is_some() {
+            return decided.after(numbers, drawing.length, &drawing.model.spec, joints);
+        }
+    }
     in_stages(spec, (functions, floats), wanted, true)
 }
 

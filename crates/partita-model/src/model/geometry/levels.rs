@@ -181,20 +181,12 @@ impl Drawing {
             if closure_error < tolerance::FITS {
                 return Ok(Some(found()));
             }
-            // a closure error within the limits of a whole run is judged there; one that exceeds the tolerance is as
-            // drawn
-            let within = closure_error > tolerance::CLOSED_IN_RUN && closure_error <= LARGEST_CHANGE * tolerance;
-            // independent conditions that leave a motion are accepted, however weak
-            // and a motion that ends on the way is no finite one: the conditions oppose it as drawn
-            let undecided = within && !branch.ends && seen.regular.is_none_or(|k| k <= seen.afloat);
-            let far = branch
-                .points
-                .iter()
-                .filter(|x| x.steps >= CHECKED)
-                .max_by(|a, b| a.closure_error.total_cmp(&b.closure_error));
-            let Some(point) = far.filter(|_| undecided && branch.dof == branch.kernel) else { return Ok(None) };
-            let ambiguous = Some(self.most_open(&mut kernel, &point.q)?);
-            return Ok(Some(Fit { most: closure_error, ambiguous, ..found() }));
+            // a closure error within the limits of a whole run is judged there
+            let row = match closure_error > tolerance::CLOSED_IN_RUN {
+                true => self.left_open(&mut kernel, (&branch, closure_error), tolerance, seen)?,
+                false => None,
+            };
+            return Ok(row.map(|row| Fit { most: closure_error, ambiguous: Some(row), ..found() }));
         }
         let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
         let plain = match closure_error < tolerance::FITS {
@@ -212,13 +204,46 @@ impl Drawing {
             }
             _ => None,
         };
+        let beyond = |x: &Change| largest(&x.numbers) > LARGEST_CHANGE * tolerance;
+        let needs_more = plain.as_ref().is_some_and(beyond);
         for change in [with, plain.filter(small)].into_iter().flatten() {
             let Some(changed) = self.changed(&change.numbers) else { continue };
             if changed.goes(&there, &branch)? {
                 return Ok(Some(fit(Some(change.numbers), &changed.model.spec.joints)));
             }
         }
-        Ok((closure_error < tolerance::FITS).then(|| fit(None, &self.model.spec.joints)))
+        if closure_error < tolerance::FITS {
+            return Ok(Some(fit(None, &self.model.spec.joints)));
+        }
+        // a motion that opens by less than the tolerance, and no change by which it closes: not what was intended as
+        // drawn, and not repaired
+        let row = match needs_more {
+            true => None,
+            false => self.left_open(&mut kernel, (&branch, closure_error), tolerance, seen)?,
+        };
+        let joints = &self.model.spec.joints;
+        Ok(row.map(|row| Fit { most: closure_error, ambiguous: Some(row), ..fit(None, joints) }))
+    }
+
+    /// The row with the largest closure error along a motion that opens the drawing by less than the tolerance; none
+    /// where it opens it by more, or the drawing as it is decides.
+    fn left_open(
+        &self,
+        kernel: &mut Kernel<Model>,
+        (branch, closure_error): (&Branch, f64),
+        tolerance: f64,
+        seen: &Seen,
+    ) -> Result<Option<usize>, SystemError> {
+        let within = closure_error <= LARGEST_CHANGE * tolerance;
+        // independent conditions that leave a motion are accepted, however weak
+        // and a motion that ends on the way is no finite one: the conditions oppose it as drawn
+        let undecided = within && !branch.ends && seen.regular.is_none_or(|k| k <= seen.afloat);
+        let far = branch.points.iter().filter(|x| x.steps >= CHECKED);
+        let far = far.max_by(|a, b| a.closure_error.total_cmp(&b.closure_error));
+        match far.filter(|_| undecided && branch.dof == branch.kernel) {
+            Some(point) => self.most_open(kernel, &point.q).map(Some),
+            None => Ok(None),
+        }
     }
 
     /// The coupling whose row has the largest closure error at q; where there are none, the joint.
@@ -283,7 +308,7 @@ impl Drawing {
     fn folds_all(&self, numbers: &[f64], tolerance: f64) -> bool {
         let Some(changed) = self.changed(numbers) else { return true };
         let (before, after) = (self.lengths(), changed.lengths());
-        let longest = before.iter().fold(0.0, |m: f64, x| m.max(*x));
+        let longest = before.iter().fold(self.length, |m: f64, x| m.max(*x));
         before
             .iter()
             .zip(&after)
@@ -295,7 +320,8 @@ impl Drawing {
 /// finer level keeps.
 fn chosen(fits: Vec<Fit>) -> Option<Fit> {
     let most = fits.iter().map(|x| x.dof).max()?;
-    let better = |a: &Fit, b: &Fit| b.dof.cmp(&a.dof).then(a.most.total_cmp(&b.most));
+    let open = |x: &Fit| x.ambiguous.is_some();
+    let better = |a: &Fit, b: &Fit| b.dof.cmp(&a.dof).then(open(a).cmp(&open(b))).then(a.most.total_cmp(&b.most));
     let (mut first, mut others): (Vec<Fit>, Vec<Fit>) = fits.into_iter().partition(|x| x.dof == most);
     sort_by(&mut first, better);
     let kept = first.into_iter().next()?;

@@ -5,11 +5,14 @@
 //! motion where these suffice ([`exact()`]), else by levels of singular values along finite motions.
 
 mod alike;
+mod bearings;
 mod blocks;
 mod change;
 mod couplings;
 mod levels;
 mod rates;
+mod snapped;
+mod zeros;
 
 use super::Model;
 use crate::spec::{Joint, Spec};
@@ -28,6 +31,7 @@ use partita_system::start;
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
+pub(super) use zeros::closed_zeros;
 
 /// The coarsest level of singular values. Unit: multiples of the drawing tolerance. Reason: those of random geometric
 /// errors are up to 0.9 of it, of longer loops more.
@@ -402,6 +406,14 @@ impl Decided {
     }
 }
 
+/// A drawing made plane by a change, its joints beside each other laid in one point; and the whole change.
+fn with_bearings((plane, mut numbers): (Drawing, Vec<f64>), tolerance: f64) -> (Drawing, Vec<f64>) {
+    let laid = plane.bearings(tolerance).filter(|x| x.0.model.is_planar());
+    let Some((laid, more)) = laid else { return (plane, numbers) };
+    numbers.iter_mut().zip(&more).for_each(|(x, more)| *x += more);
+    (laid, numbers)
+}
+
 /// The largest displacement (`first` 0) or rotation (3) of a frame.
 fn most(numbers: &[f64], first: usize) -> f64 {
     let part = |x: &[f64]| x[first..first + 3].iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -482,19 +494,20 @@ impl Drawing {
         }
         let moved = |drawing: &Self, own: usize| is_sought.then(|| drawing.decided(own, (tolerance, pose))).flatten();
         // a drawing intended to be plane is made so first: there a body has only three numbers
-        if let Some((plane, numbers)) = self.flattened(tolerance) {
+        if let Some((plane, numbers)) = self.flattened(tolerance).map(|x| with_bearings(x, tolerance)) {
             let own = if own > 0 { plane.afloat(true) } else { 0 };
             let by_pivots = || {
                 let (dof, weak) = if is_sought { (None, None) } else { counted(&plane.model, tolerance) };
                 let dof = dof.filter(|_| weak.is_none())?.saturating_sub(own);
                 Some(Decided::plain(Verdict::Redundant, Some(dof)))
             };
-            let decided = plane.settled(own, tolerance).or_else(|| moved(&plane, own)).or_else(by_pivots);
+            let decided = plane.settled(own, tolerance).or_else(|| plane.with_equal_sides(own, tolerance));
+            let decided = decided.or_else(|| moved(&plane, own)).or_else(by_pivots);
             if let Some(decided) = decided.filter(|x| x.dof.is_some_and(|k| k > 0)) {
                 return decided.after(numbers, plane.length, &self.model.spec, &plane.model.spec.joints);
             }
         }
-        moved(self, own).unwrap_or_else(undecided)
+        self.with_equal_sides(own, tolerance).or_else(|| moved(self, own)).unwrap_or_else(undecided)
     }
 
     /// Decision by finite motions; None where they do not decide.
@@ -526,7 +539,11 @@ impl Drawing {
                 let verdict = if seen.coarse > own { Verdict::Conditions } else { Verdict::Locked };
                 Some(Decided::plain(verdict, Some(0)))
             }
-            None => None,
+            // independent conditions are what is drawn, however weak
+            None => {
+                let dof = seen.regular.and_then(|k| k.checked_sub(own)).filter(|k| *k > 0)?;
+                Some(Decided { weak: true, ..Decided::plain(Verdict::Conditions, Some(dof)) })
+            }
         }
     }
 
