@@ -298,3 +298,36 @@ fn mean(points: impl Iterator<Item = Vec3<f64>>) -> Vec3<f64> {
     let (sum, count) = points.fold((Vec3::zero(), 0.0), |(sum, count), x| (sum + x, count + 1.0));
     sum.times(1.0 / f64::max(count, 1.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hinge(z: f64, off: [f64; 2], along: [f64; 3]) -> Feature {
+        Feature { offset: 0, at: Some(Vec3([off[0], off[1], z])), along: Vec3(along).unit() }
+    }
+
+    #[test]
+    fn axes_that_agree_keep_their_direction_and_others_are_fitted_with_their_points() {
+        let up = Vec3([0.0, 0.0, 1.0]);
+        let features = [hinge(-1.0, [0.0, 0.0], up.0), hinge(1.0, [1e-6, 0.0], up.0)];
+        let (at, along) = fitted(&features.each_ref(), up, 1.0).unwrap();
+        assert_eq!(along, up);
+        assert!((at.0[0] - 5e-7).abs() < 1e-20);
+        // two points ask for the slope s, one axis for none and one for twice it
+        let s = 1e-6;
+        let features = [hinge(-1.0, [-s, 0.0], up.0), hinge(1.0, [s, 0.0], [2.0 * s, 0.0, 1.0])];
+        let (_, along) = fitted(&features.each_ref(), up, 1.0).unwrap();
+        assert!((along.0[0] - s).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_direction_turns_to_another_whatever_its_sense() {
+        let (up, tilted) = (Vec3([0.0, 0.0, 1.0]), Vec3([1e-5, 0.0, 1.0]).unit().unwrap());
+        for from in [tilted, tilted.times(-1.0)] {
+            let turn = turn_to(from, up);
+            assert!((turn - Vec3([0.0, -1e-5, 0.0])).norm() < 1e-15);
+        }
+        assert_eq!(turn_to(up, up), Vec3::zero());
+    }
+}

@@ -10,7 +10,7 @@
 //! and the shortest p that satisfies all of them at once is the least change.
 
 use super::alike::{Alike, Condition};
-use super::Drawing;
+use super::{Drawing, LARGEST_CHANGE};
 use crate::joint::alignment;
 use crate::spec::{Joint, JointKind, Spec};
 use crate::tree::TreeScratch;
@@ -49,6 +49,10 @@ const DOUBLE_ROOT: f64 = 1e-2;
 /// would appear in the closure error.
 const CHANGE_LEFT: f64 = 1e-5;
 
+/// A change larger than this after the second round is not pursued. Scale: multiples of the largest change that is made.
+/// Reason: the first round is right to the square of the change.
+const FAR_BEYOND: f64 = 4.0;
+
 /// A change that makes a drawing fit.
 pub(super) struct Change {
     pub(super) numbers: Vec<f64>,
@@ -79,12 +83,13 @@ pub(super) fn is_sought(joints: usize) -> bool {
 
 impl Drawing {
     /// The shortest change near `begun`, with the part `kept` of it, that gives this drawing `kernel` null directions
-    /// at the positions. None where there is none.
+    /// at the positions. None where there is none, or one far beyond the tolerance.
     pub(super) fn change(
         &self,
         points: &[BranchPoint],
         kernel: usize,
         (begun, kept): (&[f64], &[Alike]),
+        tolerance: f64,
     ) -> Result<Option<Change>, SystemError> {
         let mut change = Change { numbers: begun.to_vec(), least: 1.0, weak: Vec::new() };
         let Some(mut now) = self.changed(&change.numbers) else { return Ok(None) };
@@ -92,7 +97,7 @@ impl Drawing {
         let places = self.places(kernel);
         let mut at: Vec<Vec<f64>> = spread(points, kernel, places).into_iter().map(|x| x.q.clone()).collect();
         let (mut before, mut nothing) = (f64::INFINITY, super::WEAK_CONDITION);
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let (rows, closure_error) = now.asked(&mut at, cut, &now.conditions(kept))?;
             if at.len() < FEWEST || rows.rows() * rows.cols().pow(2) > LARGEST {
                 return Ok(None);
@@ -126,6 +131,9 @@ impl Drawing {
                 change.least = s / top;
                 let part = (0..rows.rows()).map(|r| f.u[(r, i)] * wanted[r]).sum::<f64>() / s;
                 change.numbers.iter_mut().enumerate().for_each(|(j, x)| *x += part * f.v[(j, i)]);
+            }
+            if round > 0 && largest(&change.numbers) > FAR_BEYOND * LARGEST_CHANGE * tolerance {
+                return Ok(None);
             }
             let Some(next) = self.changed(&change.numbers) else { return Ok(None) };
             now = next;

@@ -191,7 +191,7 @@ impl Drawing {
         let nothing = vec![0.0; OWN * self.model.spec.joints.len()];
         let plain = match closure_error < tolerance::FITS {
             true => None,
-            false => self.change(&branch.points, branch.kernel, (&nothing, &[]))?,
+            false => self.change(&branch.points, branch.kernel, (&nothing, &[]), tolerance)?,
         };
         let begun = plain.as_ref().map_or(nothing.as_slice(), |x| &x.numbers);
         let alike = self.alike_too(begun, &there, tolerance);
@@ -200,7 +200,7 @@ impl Drawing {
         let with = match &alike {
             // the closure error had a double root, or none was found
             Some((numbers, kept, off)) if plain.as_ref().is_none_or(|x| x.is_double(*off)) => {
-                self.change(&branch.points, branch.kernel, (numbers, kept))?.filter(small)
+                self.change(&branch.points, branch.kernel, (numbers, kept), tolerance)?.filter(small)
             }
             _ => None,
         };

@@ -182,3 +182,14 @@ fn grouped(points: &[[f64; 2]], near: f64) -> Vec<Vec<usize>> {
     }
     groups
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_within_the_limit_of_the_first_are_one_group() {
+        let points = [[0.0, 0.0], [1.0, 0.0], [1e-5, -1e-5], [1.0, 3e-4], [0.99999, 1e-5], [2.0, 0.0]];
+        assert_eq!(grouped(&points, 1e-4), vec![vec![0, 2], vec![1, 4], vec![3], vec![5]]);
+    }
+}
