@@ -29,7 +29,7 @@ struct Feature {
 /// A joint beside others: what it says on the first body and on the second, and whether it holds them along the axis.
 struct Side {
     on: [Feature; 2],
-    holds: bool,
+    locks_height: bool,
 }
 
 /// An axis: a point and a unit vector.
@@ -149,11 +149,11 @@ impl<'m> Beside<'m> {
             if self.fixed[placed.parent] > self.fixed[placed.child] {
                 on.reverse();
             }
-            let holds = !matches!(
+            let locks_height = !matches!(
                 joint.kind,
                 JointKind::Cylindrical | JointKind::Screw | JointKind::PointOnLine | JointKind::Parallel
             );
-            Some(Side { on, holds })
+            Some(Side { on, locks_height })
         };
         joints.iter().filter_map(side).collect()
     }
@@ -179,7 +179,7 @@ impl<'m> Beside<'m> {
                     let turn = turn_to(along, line.1);
                     numbers[feature.offset + 3..feature.offset + 6].copy_from_slice(&turn.0);
                 }
-                if let (Some(at), true) = (at, side.holds) {
+                if let (Some(at), true) = (at, side.locks_height) {
                     heights[k].push(line.1.dot(at - line.0));
                 }
             }
@@ -187,7 +187,7 @@ impl<'m> Beside<'m> {
         // what holds both bodies along the axis is equally far apart on either
         let off: Vec<f64> = heights[0].iter().zip(&heights[1]).map(|(a, b)| a - b).collect();
         let mean = off.iter().sum::<f64>() / off.len().max(1) as f64;
-        for (side, off) in sides.iter().filter(|x| x.holds && x.on[0].at.is_some()).zip(&off) {
+        for (side, off) in sides.iter().filter(|x| x.locks_height && x.on[0].at.is_some()).zip(&off) {
             for (k, sign) in [(0, -0.5), (1, 0.5)] {
                 let by = lines[k].1.times(sign * (off - mean) / self.length);
                 let own = &mut numbers[side.on[k].offset..][..3];

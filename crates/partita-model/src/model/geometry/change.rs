@@ -94,8 +94,8 @@ impl Drawing {
         let mut change = Change { numbers: begun.to_vec(), least: 1.0, weak: Vec::new() };
         let Some(mut now) = self.changed(&change.numbers) else { return Ok(None) };
         let cut = Cut::Rank(self.model.size().nv.saturating_sub(kernel));
-        let places = self.places(kernel);
-        let mut at: Vec<Vec<f64>> = spread(points, kernel, places).into_iter().map(|x| x.q.clone()).collect();
+        let count = self.position_count(kernel);
+        let mut at: Vec<Vec<f64>> = spread(points, kernel, count).into_iter().map(|x| x.q.clone()).collect();
         let (mut before, mut nothing) = (f64::INFINITY, super::WEAK_CONDITION);
         for round in 0..ROUNDS {
             let (rows, closure_error) = now.asked(&mut at, cut, &now.conditions(kept))?;
@@ -143,7 +143,7 @@ impl Drawing {
 
     /// Number of positions at which the self-stresses are evaluated: of large blocks fewer, so that a decomposition stays
     /// cheap. That the others fit is checked afterwards.
-    fn places(&self, kernel: usize) -> usize {
+    fn position_count(&self, kernel: usize) -> usize {
         let columns = OWN * self.model.spec.joints.len();
         let rank = self.model.size().nv.saturating_sub(kernel);
         let stresses = Kernel::new(&self.model, 0.0).rows.len().saturating_sub(rank);
@@ -360,11 +360,11 @@ fn across(direction: Vec3<f64>, to: &[Vec3<f64>], near: f64) -> Vec3<f64> {
 }
 
 /// Positions with the right kernel, spread over the paths.
-fn spread(points: &[BranchPoint], kernel: usize, places: usize) -> Vec<&BranchPoint> {
+fn spread(points: &[BranchPoint], kernel: usize, count: usize) -> Vec<&BranchPoint> {
     let right: Vec<&BranchPoint> = points.iter().filter(|x| x.kernel.0 == kernel).collect();
     let all = if right.len() < FEWEST { points.iter().collect() } else { right };
-    let step = all.len() as f64 / places.min(all.len()).max(1) as f64;
-    (0..places.min(all.len())).map(|i| all[((i as f64 + 0.5) * step) as usize]).collect()
+    let step = all.len() as f64 / count.min(all.len()).max(1) as f64;
+    (0..count.min(all.len())).map(|i| all[((i as f64 + 0.5) * step) as usize]).collect()
 }
 
 /// Change the frames of a joint by displacements (in parts of `size`) and rotations, first on the parent; in a plane
