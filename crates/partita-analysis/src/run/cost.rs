@@ -135,12 +135,12 @@ impl<'s> Trial<'s> {
                 ) => return Ok(None),
                 Err(e) => return Err(e),
             };
-            let Prepared { formulation, settings, .. } = prepared;
+            let Prepared { formulation, settings, q, v, .. } = prepared;
             let mut noted = Noted { formulation, asked: Vec::new(), last_step: Vec::new() };
             let fixed = Options { fixed_step: Some(contender.step), ..settings.options.clone() };
             let settings = Settings { t_end, options: fixed, ..settings };
             let (mut sink, mut ask) = (|_: &Output| Ok(()), |_: f64| watch());
-            let end = simulate(&mut noted, state.t, &state.q, &state.v, &[], &settings, &mut sink, &mut ask);
+            let end = simulate(&mut noted, state.t, &q, &v, &[], &settings, &mut sink, &mut ask);
             Ok(end.is_ok_and(|end| end.status == Status::Finished).then_some(noted))
         };
         let (Some(ahead), Some(here)) = (marched(BEFORE + 1)?, marched(BEFORE)?) else { return Ok(None) };

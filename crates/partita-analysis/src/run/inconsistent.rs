@@ -1,11 +1,16 @@
 //! An initial state that violates the constraints: how it is corrected and reported.
 
+use super::{Motions, Recipe};
 use crate::error::AnalysisError;
 use partita_math::formatted;
 use partita_math::tolerance;
+use partita_system::formulation::Formulation;
 use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
-use partita_system::ConstrainedSystem;
+use partita_system::{ConstrainedSystem, SystemRef};
+
+/// Corrections of a start at most. Reason: the first leaves rounding, which the next one leaves as it is.
+const CORRECTIONS: usize = 4;
 
 /// Constraint violations of an initial state.
 pub struct Seen {
@@ -70,24 +75,64 @@ pub(super) fn see<S: ConstrainedSystem>(
     Ok(Seen { findings, violated: closure_error > tolerance::OPEN_ROUNDINGS })
 }
 
-/// The report on the start (t, q, v), and by how much `first`, the output there, was moved from it.
+impl Seen {
+    /// Whether the state satisfies the constraints.
+    pub(super) fn satisfied(&self) -> bool {
+        self.findings.is_empty()
+    }
+}
+
+/// The closed state next to (t, q, v), as a formulation closes it: from it a run starts like from any closed state. A
+/// formulation that corrects no positions keeps them.
+///
+/// # Errors
+/// Where nothing can be closed or evaluated there.
+pub(super) fn corrected<'s, S: Motions>(
+    system: &SystemRef<'s, S>,
+    recipe: &Recipe,
+    (t, q, v): (f64, &[f64], &[f64]),
+) -> Result<(Vec<f64>, Vec<f64>), AnalysisError> {
+    let mut output = Output { q: q.to_vec(), v: v.to_vec(), ..Output::default() };
+    for _ in 0..CORRECTIONS {
+        let (q, v) = (output.q.clone(), output.v.clone());
+        // a formulation that starts anew chooses coordinates there as the run will
+        let mut formulation = recipe.make(system.clone())?;
+        let mut y = vec![0.0; formulation.dim()];
+        formulation.start(t, &q, &v, &mut y)?;
+        formulation.state_at(t, &y, &mut output)?;
+        if output.q == q && output.v == v {
+            break;
+        }
+    }
+    Ok((output.q, output.v))
+}
+
+/// The report on the start (t, q, v), and by how much `first`, the state there, was moved from it.
 pub(super) fn note<S: ConstrainedSystem>(
     system: &S,
     Seen { findings, violated }: &Seen,
-    (t, q, v): (f64, &[f64], &[f64]),
-    first: Option<&Output>,
+    (q, v): (&[f64], &[f64]),
+    first: Option<(&[f64], &[f64])>,
 ) -> Option<String> {
     if findings.is_empty() {
         return None;
     }
-    let moved = match first.filter(|x| x.t == t) {
+    let moved = match first {
         None => "an output at the start shows the correction".into(),
-        Some(first) => {
+        Some((closed, rates)) => {
             let names = (0..v.len()).map(|i| system.velocity_name(i));
-            let by = largest(names.zip(v.iter().zip(&first.v).map(|(x, y)| (y - x).abs())));
-            let far = q.iter().zip(&first.q).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
-            let position = if *violated { format!("positions by up to {}, ", formatted(far)) } else { String::new() };
-            format!("the first output is corrected: {position}velocities by up to {} ({})", formatted(by.1), by.0)
+            let by = largest(names.zip(v.iter().zip(rates).map(|(x, y)| (y - x).abs())));
+            let far = q.iter().zip(closed).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
+            let position = match violated {
+                true if far > 0.0 => format!("positions moved by up to {}, ", formatted(far)),
+                true => "positions kept, because the options correct none, ".into(),
+                false => String::new(),
+            };
+            format!(
+                "the run starts from the corrected state: {position}velocities moved by up to {} ({})",
+                formatted(by.1),
+                by.0
+            )
         }
     };
     Some(format!("the initial state violates the constraints: {}; {moved}", findings.join(", ")))

@@ -113,11 +113,23 @@ fn integrated<S: Balance<Scratch: Send>>(
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
     let Prepared {
-        formulation: mut f, recipe, settings, limits, mut notes, rigid, ends, mut singular_start, seen, ..
+        formulation: mut f,
+        recipe,
+        settings,
+        limits,
+        mut notes,
+        rigid,
+        ends,
+        mut singular_start,
+        seen,
+        corrected,
+        q,
+        v,
+        ..
     } = Prepared::new(system, request, tangent, (q, v))?;
     let (t, q_start, v_start) = match &singular_start {
         Some(x) => (x.step.t, x.step.q.clone(), x.step.v.clone()),
-        None => (request.t0, q.to_vec(), v.to_vec()),
+        None => (request.t0, q.clone(), v.clone()),
     };
     let mut outputs = Vec::with_capacity(t_eval.len());
     let reached = &t_eval[..t_eval.partition_point(|t| *t <= settings.t_end)];
@@ -137,6 +149,8 @@ fn integrated<S: Balance<Scratch: Send>>(
     };
     if let Some(singular_start) = &singular_start {
         singular_start.report(&mut outcome, &mut notes);
+        let first = outputs.first().filter(|x| x.t == request.t0).map(|x| (&x.q[..], &x.v[..]));
+        notes.extend(inconsistent::note(system, &seen, (&q, &v), first));
     }
     if let (Some((end, what)), Status::Finished) = (&ends, outcome.status) {
         outcome.status = Status::EvaluationFailed;
@@ -146,8 +160,8 @@ fn integrated<S: Balance<Scratch: Send>>(
             request.t_end
         );
     }
-    report_driven_beyond(system, request, outputs.last(), q, &mut outcome);
-    notes.extend(inconsistent::note(system, &seen, (request.t0, q, v), outputs.first()));
+    report_driven_beyond(system, request, outputs.last(), &q, &mut outcome);
+    notes.extend(corrected);
     let reported = f.history();
     notes.extend(reported.notes);
     if !outcome.crossings.is_empty() {

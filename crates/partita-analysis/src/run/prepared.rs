@@ -177,10 +177,42 @@ impl<'s, S: Motions> Looked<'s, S> {
         weight::refuse(&*system, t, q, start.rank)?;
         Ok(Self { start, singular_start, seen })
     }
+}
 
-    /// The end of the singular start.
-    fn state(&self) -> Option<(f64, &[f64], &[f64])> {
-        self.singular_start.as_ref().map(|x| (x.step.t, &x.step.q[..], &x.step.v[..]))
+/// Where a motion starts: the state given, or the closed one next to it.
+pub(super) struct Entry<'s, S: ConstrainedSystem> {
+    /// Examined there.
+    pub looked: Looked<'s, S>,
+    /// Coordinates and velocities.
+    pub q: Vec<f64>,
+    /// See `q`.
+    pub v: Vec<f64>,
+    /// By how much it was corrected.
+    pub corrected: Option<String>,
+}
+
+impl<'s, S: Motions> Entry<'s, S> {
+    /// From (t, q, v), up to `to` and to this tolerance, with the formulation of `recipe`, whose rank is set.
+    ///
+    /// # Errors
+    /// See [`Looked::at`]; where the state cannot be closed.
+    pub fn at(
+        system: &SystemRef<'s, S>,
+        recipe: &mut Recipe,
+        (t, q, v): (f64, &[f64], &[f64]),
+        to: (f64, f64),
+        longest: f64,
+    ) -> Result<Self, AnalysisError> {
+        let mut looked = Looked::at(system.clone(), (t, q, v), to, longest)?;
+        recipe.rank = looked.start.rank;
+        let (mut own, mut corrected) = ((q.to_vec(), v.to_vec()), None);
+        if looked.singular_start.is_none() && !looked.seen.satisfied() {
+            own = inconsistent::corrected(system, recipe, (t, q, v))?;
+            corrected = inconsistent::note(&**system, &looked.seen, (q, v), Some((&own.0[..], &own.1[..])));
+            looked = Looked::at(system.clone(), (t, &own.0, &own.1), to, longest)?;
+            recipe.rank = looked.start.rank;
+        }
+        Ok(Self { looked, q: own.0, v: own.1, corrected })
     }
 }
 
@@ -205,6 +237,12 @@ pub struct Prepared<'s, S: Balance> {
     pub(super) singular_start: Option<BranchStart<'s, S>>,
     /// Constraint violations of the start.
     pub(super) seen: Seen,
+    /// How the start was corrected.
+    pub(super) corrected: Option<String>,
+    /// Coordinates and velocities at the start, which satisfy the constraints.
+    pub q: Vec<f64>,
+    /// See `q`.
+    pub v: Vec<f64>,
 }
 
 impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
@@ -245,8 +283,9 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         }
         let discontinuity = settings.options.discontinuities.iter().copied().find(|t| *t > t0);
         let end = discontinuity.map_or(settings.t_end, |discontinuity| discontinuity.min(settings.t_end));
-        let looked = Looked::at(system.clone(), (t0, q, v), (end, request.rtol), request.t_end - t0)?;
-        let (_, q, v) = looked.state().unwrap_or((t0, q, v));
+        let mut recipe = Recipe { formulation: request.formulation.clone(), rank: 0, options };
+        let to = (end, request.rtol);
+        let Entry { looked, q, v, corrected } = Entry::at(&system, &mut recipe, (t0, q, v), to, request.t_end - t0)?;
         let found = &looked.start;
         if !found.dropped.is_empty() {
             notes.push(note_of_dropped(&*system, found));
@@ -256,13 +295,28 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         if rigid && !system.rheonomic() {
             notes.push(CANNOT_MOVE.to_string());
         }
-        notes.extend(system.start_notes(q, v)?);
-        let recipe = Recipe { formulation: request.formulation.clone(), rank: found.rank, options };
+        let own = (&q[..], &v[..]);
+        let (q_start, v_start) = looked.singular_start.as_ref().map_or(own, |x| (&x.step.q[..], &x.step.v[..]));
+        notes.extend(system.start_notes(q_start, v_start)?);
         let formulation = recipe
             .make(system.clone())
             .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
         let Looked { singular_start, seen, .. } = looked;
-        Ok(Self { system, formulation, recipe, settings, limits, notes, rigid, ends, singular_start, seen })
+        Ok(Self {
+            system,
+            formulation,
+            recipe,
+            settings,
+            limits,
+            notes,
+            rigid,
+            ends,
+            singular_start,
+            seen,
+            corrected,
+            q,
+            v,
+        })
     }
 
     /// Whether nothing ever moves.

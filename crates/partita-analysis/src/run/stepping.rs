@@ -1,8 +1,8 @@
 //! A motion advanced tick by tick, for control loops: the same formulation, corrections and switches as a run.
 
-use super::prepared::CANNOT_MOVE;
+use super::prepared::{Entry, CANNOT_MOVE};
 use super::singular_start::BranchStart;
-use super::{verdict, Limits, Looked, Prepared, Recipe, Request, Run, SolutionLog};
+use super::{verdict, Limits, Prepared, Recipe, Request, Run, SolutionLog};
 use crate::error::AnalysisError;
 use partita_integrate::counters::Counters;
 use partita_integrate::failure::StepFailure;
@@ -15,6 +15,23 @@ use partita_system::positions::turns;
 use partita_system::record::{Gaps, Output, StepChecks};
 use partita_system::{SystemError, SystemRef};
 use std::ops::ControlFlow;
+
+/// Parts of a tick that the time must resolve where it begins. Unit: number. Reason: a step is as exact as its two times.
+const RESOLVED: f64 = 16.0;
+
+/// Refuse ticks that are lost beside the time at which they begin.
+fn resolved(t: f64, length: f64) -> Result<(), AnalysisError> {
+    if t + length / RESOLVED != t {
+        return Ok(());
+    }
+    let spacing = partita_math::formatted(f64::EPSILON * t.abs());
+    let message = format!(
+        "times near t = {t} s are {spacing} s apart, too far for steps of {} s; start nearer to t = 0, with loads and \
+         drives shifted as much",
+        partita_math::formatted(length)
+    );
+    Err(AnalysisError::Argument { argument: "dt", message })
+}
 
 /// A motion between two ticks.
 pub struct Stepping<'s> {
@@ -30,6 +47,8 @@ pub struct Stepping<'s> {
     singular_start: Option<BranchStart<'s, Model>>,
     /// Its note.
     departed: Option<String>,
+    /// How the last start was corrected.
+    corrected: Option<String>,
     recipe: Recipe,
     limits: Limits,
     notes: Vec<String>,
@@ -57,13 +76,14 @@ impl<'s> Stepping<'s> {
         (t, q, v): (f64, &[f64], &[f64]),
         keeps: bool,
     ) -> Result<Self, AnalysisError> {
+        resolved(t, length)?;
         // its steps have bounded work
         let request = Request { t0: t, t_end: t + length, compiles_beside: true, ..request.clone() };
         let prepared = Prepared::new(system.clone(), &request, None, (q, v))?;
         if prepared.rests() {
             return Err(AnalysisError::Argument { argument: "dt", message: CANNOT_MOVE.into() });
         }
-        let Prepared { formulation, recipe, settings, limits, notes, singular_start, .. } = prepared;
+        let Prepared { formulation, recipe, settings, limits, notes, singular_start, corrected, q, v, .. } = prepared;
         let options = Options { fixed_step: Some(length / f64::from(steps)), ..Options::default() };
         let march = March::new(&formulation, q.len(), settings.method, options, Control::Ticks { steps })
             .map_err(|e| AnalysisError::Argument { argument: "dt", message: e.to_string() })?;
@@ -79,6 +99,7 @@ impl<'s> Stepping<'s> {
             rtol: request.rtol,
             singular_start: None,
             departed: None,
+            corrected,
             recipe,
             limits,
             notes,
@@ -89,7 +110,7 @@ impl<'s> Stepping<'s> {
             gaps: Gaps::default(),
             checks: StepChecks::default(),
         };
-        stepping.start_at((t, q, v), singular_start, &mut || ())?;
+        stepping.start_at((t, &q, &v), singular_start, &mut || ())?;
         Ok(stepping)
     }
 
@@ -99,18 +120,25 @@ impl<'s> Stepping<'s> {
     /// Where the motion cannot start; then the state is unchanged, and `undo` has restored the inputs.
     pub fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: &mut dyn FnMut()) -> Result<(), AnalysisError> {
         let end = t + self.length;
-        let seen = Looked::at(self.system.clone(), (t, q, v), (end, self.rtol), self.length).and_then(|looked| {
-            if looked.start.rank == self.recipe.rank {
-                return Ok(looked.singular_start);
+        let mut recipe = self.recipe.clone();
+        let entry = resolved(t, self.length)
+            .and_then(|()| Entry::at(&self.system, &mut recipe, (t, q, v), (end, self.rtol), self.length));
+        let entry = entry.and_then(|entry| {
+            if recipe.rank == self.recipe.rank {
+                return Ok(entry);
             }
             let message = format!(
                 "its constraints have rank {} there, but rank {} where the stepper was made; make a new stepper",
-                looked.start.rank, self.recipe.rank
+                recipe.rank, self.recipe.rank
             );
             Err(SystemError::Tick { t, message }.into())
         });
-        match seen {
-            Ok(singular_start) => self.start_at((t, q, v), singular_start, undo),
+        match entry {
+            Ok(Entry { looked, q, v, corrected }) => {
+                self.start_at((t, &q, &v), looked.singular_start, undo)?;
+                self.corrected = corrected;
+                Ok(())
+            }
             Err(e) => {
                 undo();
                 Err(e)
@@ -275,6 +303,7 @@ impl<'s> Stepping<'s> {
         };
         let mut notes = self.notes.clone();
         notes.extend(self.departed.clone());
+        notes.extend(self.corrected.clone());
         notes.extend(reported.notes);
         let mut findings = Vec::new();
         self.limits.judge(&*self.system, &self.gaps, "the end of the step", &mut findings);
