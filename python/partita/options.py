@@ -37,6 +37,8 @@ BASES = ("fixed", "free")
 """What becomes of the root of a robot's file."""
 INERTIAS = ("strict", "repair")
 """What becomes of an inertia in a file that no body can have."""
+RESOLVED = 16
+"""A run whose time, divided by this, is lost beside its start has no times of its own."""
 OUTPUTS = 201
 # Output times beyond the end of the run by the rounding of np.arange are moved onto it.
 _SLACK = 1e-12
@@ -149,6 +151,13 @@ def _checked(
     baumgarte: list[float] | None = None,
 ) -> Options:
     span = positive("duration", duration, "s")
+    if t0 + span / RESOLVED == t0:
+        apart = float(np.spacing(abs(t0)))
+        raise ArgumentError(
+            f"duration: times near t = {t0:g} s are {apart:g} s apart, too far for a run of {span:g} s; start it nearer"
+            " to t = 0, with loads and drives shifted as much",
+            argument="duration",
+        )
     if step is not None and max_step is not None:
         raise ArgumentError(
             f"step = {step} fixes every step, so max_step = {max_step} has no effect; give one of them",

@@ -27,6 +27,10 @@ use std::fmt::Display;
 /// Lower bound of |t| for the round-off of the time. Unit: fraction of the run. Reason: near t = 0 the time itself has
 /// no size.
 const NEAR_ZERO_TIME: f64 = 1e-6;
+/// The first step is at least this long. Scale: multiples of the shortest step. Reason: over it the rounding of the time
+/// changes a slope by less than the motion does.
+const FIRST_ROUNDINGS: f64 = 1e3;
+
 /// Position in the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -133,7 +137,8 @@ impl ExplicitRungeKutta {
             grid: None,
             attempted_h: 0.0,
             error: 0.0,
-            norm: ErrorNorm::new(&options, dim, stride),
+            // a method that raises its order until the motion is exact leaves the error to what varies faster
+            norm: ErrorNorm::new(&options, options.observed.filter(|_| remembers), dim, stride),
             controller: controller(tableau),
             dense,
             counters: Counters::default(),
@@ -157,8 +162,9 @@ impl ExplicitRungeKutta {
     /// First step by the rule of Hairer, Norsett and Wanner, from two slopes.
     fn first_step<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<f64, StepFailure<E>> {
         let longest = self.options.max_step.min((self.t_end - self.t_old).abs());
+        let least = FIRST_ROUNDINGS * self.shortest_step();
         let n = self.stride;
-        let guess = self.norm.first_guess(&self.y_old, &self.stages[..n]).min(longest);
+        let guess = self.norm.first_guess(&self.y_old, &self.stages[..n]).max(least).min(longest);
         if guess == 0.0 {
             return Ok(longest);
         }
@@ -176,7 +182,7 @@ impl ExplicitRungeKutta {
             Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
         }
         let better = self.norm.second_guess(guess, self.tableau.error_order, &self.y_old, f0, &rest[..n]);
-        Ok(if better.is_finite() { better.min(longest) } else { guess })
+        Ok(if better.is_finite() { better.max(least).min(longest) } else { guess })
     }
 
     /// Signed step and its end: `t_end`, the next grid point or the next discontinuity if within reach, so that they
@@ -189,8 +195,9 @@ impl ExplicitRungeKutta {
         if rest.abs() <= tolerance::TO_THE_END * self.step {
             return (rest, goal);
         }
-        let h = self.step * self.direction;
-        (h, self.t_old + h)
+        // the step goes to its end as rounded: over many steps those roundings would add up
+        let t_new = self.t_old + self.step * self.direction;
+        (t_new - self.t_old, t_new)
     }
 
     /// The discontinuity at t, which may have been found up to rounding: a step that ends beside it cannot go on.
@@ -308,7 +315,8 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         loop {
             let (h, t_new) = self.plan();
             if t_new == self.t_old {
-                return Err(StepFailure::TooSmall { t: t_new, h, last: obstacle });
+                let h = self.step;
+                return Err(StepFailure::TooSmall { t: t_new, h, resolved: self.resolved(), last: obstacle });
             }
             match self.stages(ode, h, t_new) {
                 Ok(()) => {}

@@ -7,15 +7,16 @@ use std::fmt::Display;
 pub enum StepFailure<E: Display> {
     /// The step became shorter than the time can resolve.
     #[error(
-        "the step size fell to {} at t = {t} without an acceptable step{}; \
-         look for a singular position or a jump in the forces near this time",
-        partita_math::formatted(*h), reason(.last)
+        "the step size fell to {} at t = {t} without an acceptable step{}; {}",
+        partita_math::formatted(*h), reason(.last), advice(*resolved)
     )]
     TooSmall {
         /// Time reached.
         t: f64,
         /// The step size that would have come next (positive).
         h: f64,
+        /// Distance between two numbers at this time, where that bounds the steps.
+        resolved: Option<f64>,
         /// The last error of the right-hand side, if it was the obstacle.
         last: Option<E>,
     },
@@ -49,6 +50,17 @@ pub enum StepFailure<E: Display> {
         /// Index of the first such component.
         component: usize,
     },
+}
+
+fn advice(resolved: Option<f64>) -> String {
+    match resolved {
+        None => "look for a singular position or a jump in the forces near this time".into(),
+        Some(spacing) => format!(
+            "times so far from 0 are {} s apart, which allows no shorter step; start the run nearer to t = 0, with loads \
+             and drives shifted as much",
+            partita_math::formatted(spacing)
+        ),
+    }
 }
 
 fn reason<E: Display>(last: &Option<E>) -> String {

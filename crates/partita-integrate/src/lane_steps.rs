@@ -134,7 +134,7 @@ impl<const G: usize> LaneSteps<G> {
     pub fn new(tableau: &'static Tableau, options: &Options, sizes: &[f64]) -> Option<Self> {
         let dim = sizes.len();
         let ErrorWeights::FifthAndThird { fifth, third } = &tableau.error else { return None };
-        let mut norm = ErrorNorm::new(options, dim, dim);
+        let mut norm = ErrorNorm::new(options, None, dim, dim);
         norm.set_sizes(sizes);
         let zeros = |n: usize| vec![[Lanes::default(); G]; n];
         Some(Self {

@@ -122,6 +122,8 @@ pub struct March {
     proposed: f64,
     /// Whether the step length is controlled by the error.
     free: bool,
+    /// Whether it is bounded by that of a component which is not controlled.
+    observes: bool,
     t: f64,
     y: Vec<f64>,
     buffer: Vec<f64>,
@@ -158,7 +160,8 @@ impl March {
             AbsoluteTolerance::Same(x) => *x,
             AbsoluteTolerance::Each(x) => x.iter().copied().fold(f64::INFINITY, f64::min),
         };
-        let options = Options { controlled: formulation.controlled(), ..options };
+        let observed = formulation.observed();
+        let options = Options { controlled: formulation.controlled(), observed, ..options };
         let crossing = CrossingStep::new(dim, &options);
         let stepper = method.stepper(dim, options)?;
         Ok(Self {
@@ -170,6 +173,7 @@ impl March {
             searched: false,
             proposed: 0.0,
             free,
+            observes: free && observed.is_some(),
             t: 0.0,
             y: vec![0.0; dim],
             buffer: vec![0.0; dim],
@@ -412,7 +416,7 @@ impl March {
             if let Control::Ticks { .. } = self.control {
                 if *attempts == 0 {
                     let step = self.stepper.current();
-                    return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last: None });
+                    return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, resolved: None, last: None });
                 }
                 *attempts -= 1;
             }
@@ -586,6 +590,9 @@ impl March {
         if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
             self.stepper.replace_start(now, &self.buffer, &self.slope);
             self.set_sizes(formulation);
+        }
+        if self.observes {
+            self.stepper.set_reference(formulation.checks().exchanged());
         }
         if free {
             self.plan(formulation, pace);

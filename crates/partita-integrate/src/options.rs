@@ -39,6 +39,9 @@ pub struct Options {
     /// Number of leading components whose error is controlled; the rest (accumulated work, say) is integrated without
     /// error control. The dimension or more means all.
     pub controlled: usize,
+    /// A component behind the controlled ones, such as accumulated work, whose error is bounded more loosely by methods that
+    /// choose their order.
+    pub observed: Option<usize>,
     /// Longest step allowed under error control; the last one may be a hundredth longer.
     pub max_step: f64,
     /// Use this fixed step, without error control: on the grid `t_start + i h`, ending exactly on `t_end`.
@@ -56,6 +59,7 @@ impl Default for Options {
             rtol: tolerance::RTOL,
             atol: AbsoluteTolerance::Same(tolerance::ATOL),
             controlled: usize::MAX,
+            observed: None,
             max_step: f64::INFINITY,
             fixed_step: None,
             first_step: None,

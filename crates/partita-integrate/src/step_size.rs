@@ -5,9 +5,12 @@ use crate::options::{AbsoluteTolerance, Options};
 use crate::tableau::Tableau;
 use partita_math::tolerance;
 
-/// States and rates below this do not indicate the scale of a motion. Scale: multiples of the tolerance. Reason: the
-/// rule of Hairer, Norsett and Wanner for the first step.
+/// Rates below this do not indicate the scale of a motion. Scale: multiples of the tolerance. Reason: the rule of Hairer,
+/// Norsett and Wanner for the first step.
 const MOVED_NOTHING: f64 = 1e-5;
+/// A state below this does not indicate the scale of a motion. Scale: multiples of the tolerance. Reason: what is smaller
+/// than its tolerance may be rounding, and a hundredth of it over a rate is then a time that means nothing.
+const NO_SIZE: f64 = 1.0;
 /// The first step where nothing else is known. Unit: s. Reason: the rule of Hairer, Norsett and Wanner for the first
 /// step.
 const FIRST_STEP: f64 = 1e-6;
@@ -98,18 +101,40 @@ pub(crate) struct ErrorNorm {
     sizes: Vec<f64>,
     atol: Vec<f64>,
     controlled: usize,
+    /// A component whose error is bounded too, and its absolute tolerance and reference size.
+    observed: Option<Observed>,
+}
+
+/// Errors of an observed component are bounded by this. Scale: multiples of the tolerance of a controlled one, relative to
+/// the largest of its values and its reference. Reason: what a balance over the run may be off.
+const OBSERVED: f64 = tolerance::ERROR_GROWTH;
+
+/// A component that decides on a step only where its error is far beyond the tolerance.
+#[derive(Debug, Clone, Copy)]
+struct Observed {
+    at: usize,
+    atol: f64,
+    size: f64,
+    reference: f64,
 }
 
 impl ErrorNorm {
-    /// Norm for an equation of dimension `dim`; `stride` is the padded length.
-    pub(crate) fn new(options: &Options, dim: usize, stride: usize) -> Self {
+    /// Norm for an equation of dimension `dim`, with an observed component behind the controlled ones; `stride` is the padded
+    /// length.
+    pub(crate) fn new(options: &Options, observed: Option<usize>, dim: usize, stride: usize) -> Self {
         let controlled = options.controlled.min(dim);
         let mut atol = vec![1.0; stride]; // ones in the padding: it must not divide zero by zero
         match &options.atol {
             AbsoluteTolerance::Same(value) => atol[..controlled].fill(*value),
             AbsoluteTolerance::Each(values) => atol[..controlled].copy_from_slice(values),
         }
-        Self { rtol: options.rtol, asked: atol.clone(), sizes: vec![1.0; stride], atol, controlled }
+        let least = match &options.atol {
+            AbsoluteTolerance::Same(value) => *value,
+            AbsoluteTolerance::Each(values) => values.iter().copied().fold(f64::INFINITY, f64::min),
+        };
+        let observed = observed.filter(|at| (controlled..dim).contains(at));
+        let observed = observed.map(|at| Observed { at, atol: least, size: 1.0, reference: 0.0 });
+        Self { rtol: options.rtol, asked: atol.clone(), sizes: vec![1.0; stride], atol, controlled, observed }
     }
 
     /// Absolute tolerances are in these sizes, one for each component.
@@ -117,6 +142,16 @@ impl ErrorNorm {
         for (i, size) in sizes.iter().take(self.controlled).enumerate() {
             self.sizes[i] = *size;
             self.atol[i] = self.asked[i] * size;
+        }
+        if let Some(x) = &mut self.observed {
+            x.size = sizes.get(x.at).copied().unwrap_or(1.0);
+        }
+    }
+
+    /// The size that errors of the observed component are compared with at least.
+    pub(crate) fn set_reference(&mut self, reference: f64) {
+        if let Some(x) = &mut self.observed {
+            x.reference = reference;
         }
     }
 
@@ -141,6 +176,16 @@ impl ErrorNorm {
                     let e2 = e * e;
                     squares[lane] = if e2 <= squares[lane] { squares[lane] } else { e2 };
                 }
+            }
+        }
+        if let Some(x) = &self.observed {
+            let largest = y_old[x.at].abs().max(y_new[x.at].abs()).max(x.reference);
+            let tolerance = (OBSERVED * (x.atol * x.size + self.rtol * largest)).max(f64::MIN_POSITIVE);
+            let (at, lane) = (x.at / TILE * TILE, x.at % TILE);
+            for (row, squares) in rows.iter().zip(&mut squares) {
+                let e = row.tile(stages, y_old.len(), at)[lane] / tolerance;
+                let e2 = e * e;
+                squares[lane] = if e2 <= squares[lane] { squares[lane] } else { e2 };
             }
         }
         squares.map(|lanes| lanes.iter().fold(0.0, |m: f64, &x| if x <= m { m } else { x }))
@@ -192,7 +237,7 @@ impl ErrorNorm {
     pub(crate) fn first_guess(&self, y: &[f64], f: &[f64]) -> f64 {
         let (d0, d1) = (self.of(y, |i| y[i]), self.of(y, |i| f[i]));
         let guess = 0.01 * d0 / d1;
-        if d0 < MOVED_NOTHING || d1 < MOVED_NOTHING || !guess.is_finite() {
+        if d0 < NO_SIZE || d1 < MOVED_NOTHING || !guess.is_finite() {
             FIRST_STEP
         } else {
             guess

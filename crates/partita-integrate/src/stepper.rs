@@ -76,6 +76,8 @@ pub trait StepControl: Debug + Send + Sync {
     fn plan(&mut self, plan: &StepPlan);
     /// Natural size of each component, the unit of absolute tolerances from the next step on; 1 unless set.
     fn set_sizes(&mut self, sizes: &[f64]);
+    /// Size that the error of the observed component is compared with at least, from the next step on.
+    fn set_reference(&mut self, _size: f64) {}
     /// Replace the state at `t_old` and its slope: before a step is attempted, or after `commit`, `reject` or `end_at`.
     /// The time `t` may be an earlier one, to integrate from there again. The method's memory of earlier steps is
     /// cleared, unless time and slope are those that it has: the motion goes on.

@@ -328,7 +328,11 @@ impl Lanes32 {
             let rest = what.request.t_end - member.t;
             let (h, t_new) = match rest <= tolerance::TO_THE_END * member.step {
                 true => (rest, what.request.t_end),
-                false => (member.step, member.t + member.step),
+                false => {
+                    // to the end as rounded
+                    let t_new = member.t + member.step;
+                    (t_new - member.t, t_new)
+                }
             };
             *lane_mut(&mut self.steps.h, l) = h;
             self.t_new[l] = t_new;
@@ -389,6 +393,11 @@ impl Lanes32 {
         for l in 0..LANES {
             let Some(member) = &mut self.slots[l] else { continue };
             let (error, h) = (lane(errors, l), lane(&self.steps.h, l));
+            if h == 0.0 {
+                // the time does not resolve the step: an ordinary run says so
+                self.send_away(l, leave);
+                continue;
+            }
             if error > 1.0 && error.is_finite() {
                 member.step = h * member.controller.rejected(error);
                 if member.step < shortest {

@@ -137,6 +137,7 @@ impl Request {
             rtol: self.rtol,
             atol: self.atol.into(),
             controlled: usize::MAX,
+            observed: None,
             max_step: self.max_step.unwrap_or(f64::INFINITY),
             fixed_step: self.step,
             first_step: None,

@@ -35,6 +35,10 @@ impl StepControl for ExplicitRungeKutta {
         self.norm.set_sizes(sizes);
     }
 
+    fn set_reference(&mut self, size: f64) {
+        self.norm.set_reference(size);
+    }
+
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
         assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
         self.corner_behind &= t == self.t_old;
@@ -56,6 +60,7 @@ impl StepControl for ExplicitRungeKutta {
         let changes = self.goal == Some(self.t_new) || self.options.discontinuities.contains(&self.t_new);
         self.corner_behind = self.corner_ahead && self.goal == Some(self.t_new);
         self.corner_ahead = false;
+        let cut = self.t_new != self.t_old + self.step * self.direction;
         let mut growth = None;
         if let Some(memory) = &mut self.memory {
             let error = memory.decide(&self.norm, self.attempted_h, &self.stages, &self.y_old, &self.y_new);
@@ -79,7 +84,7 @@ impl StepControl for ExplicitRungeKutta {
                 let h = self.attempted_h.abs();
                 let next = h * growth.unwrap_or_else(|| self.controller.accepted(self.error));
                 // a step shortened by t_end does not change the planned length
-                let planned = if h < self.step { self.step } else { 0.0 };
+                let planned = if cut && h < self.step { self.step } else { 0.0 };
                 self.step = next.max(planned).min(self.options.max_step);
             }
         }

@@ -174,6 +174,11 @@ pub trait Formulation: FormulationSteps + SingularSteps + PrescribedRows {
     fn dim(&self) -> usize;
     /// Number of leading components of y whose error is controlled.
     fn controlled(&self) -> usize;
+    /// A component behind them whose error may not grow beyond what a balance over the run explains; its sizes are
+    /// compared with [`StepChecks::exchanged`].
+    fn observed(&self) -> Option<usize> {
+        None
+    }
     /// Natural size of each component of y: 1 for angles, a characteristic length for displacements, the same for their
     /// rates [1/s]. Absolute tolerances are in these units, so that they have the same meaning for a watch and for a
     /// crane. Called again after `start` and wherever `commit` rewrites.
@@ -301,6 +306,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     }
     fn controlled(&self) -> usize {
         (**self).controlled()
+    }
+    fn observed(&self) -> Option<usize> {
+        (**self).observed()
     }
     fn natural_sizes(&self, out: &mut [f64]) {
         (**self).natural_sizes(out);

@@ -254,6 +254,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn controlled(&self) -> usize {
         self.offsets().1 + usize::from(self.observes_work && self.k == 0)
     }
+    /// The work, which may vary faster than the motion.
+    fn observed(&self) -> Option<usize> {
+        (self.observes_work && self.k > 0).then(|| self.offsets().1)
+    }
     fn natural_sizes(&self, out: &mut [f64]) {
         out.fill(1.0);
         let (p, w) = self.offsets();

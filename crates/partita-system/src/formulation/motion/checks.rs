@@ -118,7 +118,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn count_output(&mut self, t: f64, found: Gaps) {
         // before the first step the speed is unknown
         let explained = match self.monitor.length() {
-            Some(h) => self.watch.fastest_yet() + h * self.checks.trial_sizes.1 + tolerance::STANDING,
+            // what rests moves within the tolerance, between the ends of steps as at them
+            Some(h) => {
+                let rests = tolerance::ERROR_GROWTH * tolerance::STANDING;
+                self.watch.fastest_yet() + h * self.checks.trial_sizes.1 + rests
+            }
             None => f64::INFINITY,
         };
         self.checks.output(t, self.tangent.seen(), found, explained);
