@@ -80,3 +80,20 @@ def test_a_drive_does_not_make_it_begin_anew() -> None:
     adams, other = (m.simulate(0.5, rtol=1e-10, method=method, max_steps=5000) for method in ("adams", "dop853"))
     assert adams.success and adams.counters["evaluations"] < other.counters["evaluations"]
     assert np.abs(adams.q - other.q).max() < 1e-8
+
+
+@pytest.mark.parametrize("t0", [0.0, 0.4])
+@pytest.mark.parametrize(("power", "factor"), [(1, 6.0), (2, 12.0), (3, 20.0), (4, 30.0), (6, 56.0)])
+def test_the_work_of_a_force_that_grows_from_nothing(power: int, factor: float, t0: float) -> None:
+    """A slide at rest under c t^p: x = t^(p+2). The order rises until this polynomial is exact, and the power is of a
+    higher degree."""
+    m = pt.Mechanism("slide", gravity=None)
+    m.add_body("b", mass=1.0, inertia=(1, 1, 1))
+    m.add_prismatic("A", m.ground, "b", point=(0, 0, 0), axis=(1, 0, 0))
+    m.add_torque("A", lambda t, s: factor * (t - t0) ** power)
+    s = m.assemble(t=t0)
+    for method, outputs in (("adams", [t0, t0 + 1.0]), ("adams", np.linspace(t0, t0 + 1.0, 9)), ("dop853", [t0 + 1.0])):
+        run = m.simulate(1.0, initial=s, t_eval=outputs, method=method, rtol=1e-8)
+        assert run.success and run.certificate.verdict == "valid", run.certificate.findings
+        assert run.joint("A").displacement[-1] == pytest.approx(1.0, abs=1e-7)
+        assert run.counters["steps"] < 400

@@ -137,3 +137,62 @@ def test_both_dialects_move_alike(tmp_path: Path) -> None:
     one, other = (np.array([run.joint(f"{word}{leg}").position for word in "AB" for leg in range(3)]) for run in runs)
     assert np.abs(one[:, -1] - one[:, 0]).max() > 1e-3
     assert np.abs(one[:, -1] - other[:, -1]).max() < 1e-10
+
+
+# ---------------------------------------------------------------- small bodies far apart
+
+FALL = 0.5 * 9.81 * 0.1**2
+
+
+def satellites(apart: float, mass: float, inertia: tuple[float, float, float], count: int = 2) -> pt.Mechanism:
+    m = pt.Mechanism("satellites")
+    for i in range(count):
+        m.add_body(f"b{i}", mass=mass, inertia=inertia, position=(i * apart, 0, 0))
+        m.add_free(f"f{i}", m.ground, f"b{i}")
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("apart", [1.0, 1e3, 1e5, 1e7])
+def test_small_bodies_far_apart_move_as_beside_one_another(apart: float, coordinates: str) -> None:
+    """A body that is held in its centre has the arm of its own inertia, not that of the mechanism."""
+    for mass, inertia in ((1.0, (4e-5, 4e-5, 4e-5)), (1000.0, (100.0, 120.0, 150.0))):
+        m = satellites(apart, mass, inertia)
+        run = m.simulate(0.1, t_eval=[0.0, 0.1], coordinates=coordinates)
+        assert run.success, run.message
+        fallen = run.body("b1").position[0] - run.body("b1").position[-1]
+        assert fallen == pytest.approx([0.0, 0.0, FALL], abs=1e-9 * max(apart, 1.0))
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e4, 1e6])
+def test_a_ball_far_from_a_post(apart: float) -> None:
+    m = pt.Mechanism("ball and post")
+    m.add_body("ball", mass=1.0, inertia=(4e-5, 4e-5, 4e-5))
+    m.add_body("post", mass=1.0, inertia=(1, 1, 1), position=(apart, 0, 0))
+    m.add_spherical("S", m.ground, "ball", point=(0, 0, 0))
+    m.add_revolute("P", m.ground, "post", point=(apart, 0, 0))
+    run = m.simulate(0.1, initial=m.assemble(rates={"P": 2.0}), t_eval=[0.0, 0.1])
+    assert run.success and run.joint("P").angle[-1] == pytest.approx(0.2, abs=1e-9)
+
+
+def test_a_body_without_mass_is_found_among_many() -> None:
+    """Motions that share mass are examined together, and others apart: one of two hundred bodies moves none."""
+    m = satellites(3.0, 2.0, (1.0, 1.2, 1.5), count=120)
+    m.add_body("nothing", mass=0.0, inertia=(0, 0, 0), position=(0, 5, 0))
+    m.add_prismatic("slide", m.ground, "nothing", point=(0, 5, 0), axis=(1, 0, 0))
+    with pytest.raises(pt.errors.PartitaError, match="nothing"):
+        m.simulate(0.01)
+
+
+def test_a_length_that_is_rounding_is_none() -> None:
+    """A body drawn in the point of its joint but for the last place of a number."""
+    found = []
+    for x in (0.3, 0.1 + 0.2):
+        m = pt.Mechanism("one point", gravity=(3.0, 0, 0))
+        m.add_body("b", mass=1.0, inertia=(1, 1, 1), position=(x, 0, 0))
+        m.add_prismatic("A", m.ground, "b", point=(0.3, 0, 0), axis=(1, 0, 0))
+        run = m.simulate(1.0, t_eval=[0.0, 1.0])
+        assert run.success and run.certificate.verdict == "valid"
+        found.append((run.joint("A").displacement[-1], run.counters["steps"]))
+    assert found[0][0] == pytest.approx(1.5, abs=1e-7) and found[1][0] == pytest.approx(1.5, abs=1e-7)
+    assert found[0][1] == found[1][1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import warnings
 from dataclasses import replace
@@ -221,3 +222,51 @@ def test_what_rests_is_valid(name: str) -> None:
     run = pt.catalogue.entry(name).mechanism().simulate(1.0)
     assert run.success and run.certificate.verdict == "valid"
     assert np.abs(run.q - run.q[0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("stiffness", [1.0, 50.0, 1e4])
+def test_forces_that_are_rounding_break_no_balance(stiffness: float, coordinates: str) -> None:
+    """Nothing moves and nothing pulls: springs near their free lengths, and springs whose pulls cancel."""
+    for free in (0.9, None):
+        m = pt.Mechanism("rests", gravity=None)
+        m.add_body("b", mass=1.0, inertia=(0.1, 0.2, 0.3), position=(0.3, 0.2, -0.1))
+        m.add_free("F", m.ground, "b")
+        for i, angle in enumerate((0.3, 0.3 + 2 * math.pi / 3, 0.3 + 4 * math.pi / 3)):
+            far = np.array([0.3, 0.2, -0.1]) + 1.1 * np.array([math.cos(angle), math.sin(angle), 0.0])
+            near = 0.1 * np.array([math.cos(angle), math.sin(angle), 0.0])
+            m.add_spring(f"s{i}", m.ground, far, "b", near, stiffness=stiffness, length=free)
+        run = m.simulate(0.5, coordinates=coordinates)
+        assert run.success and run.certificate.verdict == "valid", run.certificate.findings
+
+
+def test_a_gyro_pair_rests_in_its_own_equilibrium() -> None:
+    m = pt.catalogue.load("gyro-pair")
+    for i, (x, y, z) in enumerate(((0.2, 0, 0), (-0.2, 0, 0), (0, 0.1, 0))):
+        m.add_spring(f"s{i}", m.ground, (2 * x, 2 * y, 0.3), "frame", (x, y, z), stiffness=40.0 + 10 * i, length=0.3)
+    for side in ("left", "right"):
+        m.add_torsion_spring(side, stiffness=3.0)
+    state = m.equilibrium().state
+    start = pt.State(0.0, state.q, 0 * state.v, state.names, state.velocity_names)
+    for outputs in ([0.0, 1.0], None):
+        run = m.simulate(1.0, initial=start, t_eval=outputs)
+        assert run.success and run.certificate.verdict in ("valid", "suspect"), run.certificate.findings
+
+
+@pytest.mark.parametrize("ending", ["json", "csv"])
+def test_no_run_is_both_successful_and_invalid(
+    ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a certificate finds beyond the checks of the run ends its success, also in what is stored."""
+    m = pt.catalogue.load("four-bar")
+    run = m.simulate(0.1)
+    assert run.success and run.certificate.verdict == "valid" and run.success
+    found = [Finding(True, 0.05, "the Newton-Euler residual is 5.0e-1")]
+    monkeypatch.setattr("partita.results.certificate.of_reactions", lambda *_: found)
+    spoilt, stored = m.simulate(0.1), m.simulate(0.1)
+    assert spoilt.success  # nobody has looked
+    assert spoilt.certificate.verdict == "invalid"
+    stored.save(tmp_path / f"run.{ending}")
+    for judged_run in (spoilt, stored, copy.copy(spoilt), pt.load_result(tmp_path / f"run.{ending}")):
+        assert not judged_run.success and judged_run.status == "invalid"
+        assert "the result is invalid: the Newton-Euler residual is 5.0e-1" in judged_run.message

@@ -32,13 +32,14 @@ fn held_points(spec: &Spec) -> Vec<(&str, Vec3<f64>)> {
 }
 
 /// Diameter of all joints, held points and centres of mass about their mean, the same along any axes; 1 for a mechanism
-/// in one point.
+/// in one point, which distances that are the rounding of its points do not extend.
 pub(crate) fn typical_length(spec: &Spec) -> f64 {
     let mut points: Vec<Vec3<f64>> = spec.joints.iter().map(|j| Vec3(j.point)).collect();
     points.extend(held_points(spec).iter().map(|(_, p)| *p));
     points.extend(spec.bodies.iter().map(|b| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com))));
     let d = diameter(&points);
-    if d > 0.0 && d.is_finite() {
+    let farthest = points.iter().fold(0.0, |m: f64, p| m.max(p.norm()));
+    if d > tolerance::SOLUTION_ROUNDING * farthest && d.is_finite() {
         d
     } else {
         1.0

@@ -80,8 +80,14 @@ pub fn massless(placed: &Placed) -> Vec<Massless> {
             inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - at));
             radius = points(placed, &around, i).fold(radius, |r, p| r.max((p - at).norm()));
         }
-        if radius <= tolerance::EQUAL * placed.size {
-            radius = placed.length;
+        // a body held in its centre has the arm of its own inertia, however large the mechanism is
+        let least = tolerance::SOLUTION_ROUNDING * placed.size;
+        let turning = (0..3).fold(0.0, |m: f64, i| m.max(inertia.0[i][i]));
+        let gyration = if mass[link] > 0.0 { (turning / mass[link]).sqrt() } else { 0.0 };
+        let own = gyration > least;
+        let nothing = if own { least.max(tolerance::EQUAL * gyration) } else { tolerance::EQUAL * placed.size };
+        if radius <= nothing {
+            radius = if own { gyration } else { placed.length };
         }
         let missing = if mass[link] < MASSLESS * heaviest { MASSLESS_COUNTS * heaviest - mass[link] } else { 0.0 };
         let mut more = all_round(missing * radius * radius);

@@ -36,33 +36,19 @@ pub fn unfelt<S: ConstrainedSystem>(
     let mut more = Matrix::new(n, n);
     r.system.add_metric(&mut r.scratch, more.data_mut());
     let d = Matrix::from_vec(n, k, r.dt.clone());
-    let more = d.transpose().matmul(&more).matmul(&d);
-    let mut metric: Vec<f64> = md.iter().zip(more.data()).map(|(m, e)| m + e).collect();
-    if dense::cholesky(&mut metric, k).is_err() {
-        return Ok(None); // nothing to hold it against
+    let more = between(&d, &more);
+    // motions that share neither mass nor what it lacks are examined apart
+    let mut least: Option<(f64, Vec<usize>, Vec<f64>)> = None;
+    for own in sharing(&md, &more, k) {
+        if let Some((share, y)) = least_share(&md, &more, k, &own) {
+            if least.as_ref().is_none_or(|x| share < x.0) {
+                least = Some((share, own, y));
+            }
+        }
     }
-    // L⁻¹ M_d L⁻ᵀ: 1 where all moving bodies are massive
-    let mut half = Matrix::from_vec(k, k, md);
-    for _ in 0..2 {
-        (0..k).for_each(|i| dense::cholesky_forward(&metric, k, half.row_mut(i)));
-        half = half.transpose();
-    }
-    let share = half;
-    let mut factor = share.data().to_vec();
-    (0..k).for_each(|i| factor[i * k + i] += tolerance::LOST_PIVOT);
-    let mut y: Vec<f64> = (0..k).map(|i| 1.0 + 0.3 * (i as f64 * 1.7).sin()).collect();
-    if dense::cholesky(&mut factor, k).is_err() {
-        return Ok(None);
-    }
-    for _ in 0..STEPS {
-        dense::cholesky_solve(&factor, k, &mut y);
-        let length = dense::dot(&y, &y).sqrt();
-        y.iter_mut().for_each(|y| *y /= length);
-    }
-    if dense::dot(&y, &share.matvec(&y)) > tolerance::LONG_ROUNDING {
-        return Ok(None);
-    }
-    dense::cholesky_backward(&metric, k, &mut y);
+    let Some((_, own, part)) = least.filter(|x| x.0 <= tolerance::LONG_ROUNDING) else { return Ok(None) };
+    let mut y = vec![0.0; k];
+    own.iter().zip(&part).for_each(|(&i, x)| y[i] = *x);
     let mut v = d.matvec(&y);
     let fastest = (0..n).max_by(|&i, &j| {
         (v[i].abs() / system.characteristic_displacement(i))
@@ -73,6 +59,81 @@ pub fn unfelt<S: ConstrainedSystem>(
         v.iter_mut().for_each(|v| *v /= size);
     }
     Ok(Some(v))
+}
+
+/// Dᵀ X D, (k x k), of matrices that may be sparse.
+fn between(d: &Matrix, x: &Matrix) -> Vec<f64> {
+    let (n, k) = (d.rows(), d.cols());
+    let entries = |i: usize| d.row(i).iter().enumerate().filter(|e| *e.1 != 0.0);
+    let (mut out, mut row) = (vec![0.0; k * k], vec![0.0; k]);
+    for i in 0..n {
+        row.fill(0.0);
+        let mut any = false;
+        for (j, x) in x.row(i).iter().enumerate().filter(|e| *e.1 != 0.0) {
+            any = true;
+            entries(j).for_each(|(b, d)| row[b] += x * d);
+        }
+        if any {
+            entries(i).for_each(|(a, d)| {
+                out[a * k..][..k].iter_mut().zip(&row).for_each(|(to, x)| *to += d * x);
+            });
+        }
+    }
+    out
+}
+
+/// Groups of motions that share entries of M_d or of what it lacks, ascending, of those that lack something.
+fn sharing(md: &[f64], more: &[f64], k: usize) -> Vec<Vec<usize>> {
+    let mut group = vec![usize::MAX; k];
+    let mut found = Vec::new();
+    for first in 0..k {
+        if group[first] != usize::MAX {
+            continue;
+        }
+        let (mut own, mut next) = (vec![first], 0);
+        group[first] = first;
+        while let Some(&i) = own.get(next) {
+            next += 1;
+            for j in 0..k {
+                if group[j] == usize::MAX && (md[i * k + j] != 0.0 || more[i * k + j] != 0.0) {
+                    group[j] = first;
+                    own.push(j);
+                }
+            }
+        }
+        if own.iter().any(|&i| more[i * k + i] != 0.0) {
+            own.sort_unstable();
+            found.push(own);
+        }
+    }
+    found
+}
+
+/// The least share of M_d in the metric among these motions, and the motion of it; none where the metric is singular.
+fn least_share(md: &[f64], more: &[f64], k: usize, own: &[usize]) -> Option<(f64, Vec<f64>)> {
+    let m = own.len();
+    let part = |x: &[f64]| -> Vec<f64> { own.iter().flat_map(|&i| own.iter().map(move |&j| x[i * k + j])).collect() };
+    let md = part(md);
+    let mut metric: Vec<f64> = md.iter().zip(part(more)).map(|(m, e)| m + e).collect();
+    dense::cholesky(&mut metric, m).ok()?;
+    // L⁻¹ M_d L⁻ᵀ: 1 where all moving bodies are massive
+    let mut share = Matrix::from_vec(m, m, md);
+    for _ in 0..2 {
+        (0..m).for_each(|i| dense::cholesky_forward(&metric, m, share.row_mut(i)));
+        share = share.transpose();
+    }
+    let mut factor = share.data().to_vec();
+    (0..m).for_each(|i| factor[i * m + i] += tolerance::LOST_PIVOT);
+    let mut y: Vec<f64> = (0..m).map(|i| 1.0 + 0.3 * (i as f64 * 1.7).sin()).collect();
+    dense::cholesky(&mut factor, m).ok()?;
+    for _ in 0..STEPS {
+        dense::cholesky_solve(&factor, m, &mut y);
+        let length = dense::dot(&y, &y).sqrt();
+        y.iter_mut().for_each(|y| *y /= length);
+    }
+    let least = dense::dot(&y, &share.matvec(&y));
+    dense::cholesky_backward(&metric, m, &mut y);
+    Some((least, y))
 }
 
 /// Refuse a start in which some degree of freedom moves no mass, with its joints and bodies.

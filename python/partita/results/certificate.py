@@ -71,8 +71,8 @@ class Certificate:
     """Largest change of a joint frame (rad, fractions of the loop's length) by which the drawing was repaired; 0 where
     it fits. `notes` list the rest."""
     findings: tuple[Finding, ...] = ()
-    """Findings against the run: whether each makes it invalid or suspect, when [s], and a sentence. Those at the ends
-    of steps decided `success`; those of the outputs are reported here and do not change it."""
+    """Findings against the run: whether each makes it invalid or suspect, when [s], and a sentence. One that makes it
+    invalid ends its `success`, also where only this certificate looked."""
 
     @property
     def verdict(self) -> str:

@@ -49,7 +49,8 @@ def content_of(result: ResultView) -> Content:
     """Everything to be stored of `result`, which is computed here if necessary."""
     found = tuple(_typed(v) for v in variables(result))
     used = {name for v in found for name in v.axes}
-    reported = {**result.record.account(), "certificate": exact(vars(result.certificate))}
+    certificate = exact(vars(result.certificate))  # first: it may find what ends the success of the run
+    reported = {**result.record.account(), "certificate": certificate}
     return Content(reported, found, {name: axis for name, axis in axes(result).items() if name in used})
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from .. import deprecated
 from .._core import version as core_version
 from .tables import Tables
-from .verdict import Finding, findings_of
+from .verdict import INVALID, Finding, findings_of
 
 ACCOUNT = (
     "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps",
@@ -102,6 +102,14 @@ class Record:
     def all_notes(self) -> list[str]:
         """Notes of the run and of its outputs."""
         return list(dict.fromkeys([*self.notes, *self.arrays.notes]))
+
+    def judged(self, findings: Iterable[Finding]) -> Record:
+        """The record after these findings of a certificate: one that makes a result invalid ends its success."""
+        worst = next((finding for finding in findings if finding.invalid), None)
+        if worst is None or not self.success:
+            return self
+        message = f"{self.message}, but the result is invalid: {worst.sentence}"
+        return replace(self, status=INVALID, success=False, message=message)
 
     @classmethod
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:

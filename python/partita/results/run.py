@@ -111,9 +111,13 @@ class Run(Motion):
 
     @property
     def success(self) -> bool:
-        """Whether the run reached its end and is valid: all constraints satisfied at every step and output, velocities
-        without jumps, the energy balanced, and the reactions of the first and the last output consistent with the
-        motion. It is decided when the run ends; the certificate checks more and does not change it."""
+        """Whether the run reached its end and nothing that was looked at makes it invalid.
+
+        When the run ends, these are the constraints at every step and output, jumps of velocities, the energy balance
+        over sixteen outputs, and the reactions of the first and the last one. A certificate, once computed, adds the
+        energies, reactions and accelerations of all outputs: if its verdict is "invalid", `success` is False from then
+        on.
+        """
         return self._record.success
 
     @property
@@ -232,6 +236,7 @@ class Run(Motion):
         """Worst closure, energy balance, Newton-Euler residual, quality, switches and notes of this run."""
         found = certify(self)
         self._warn(found.findings)
+        self._record = self._record.judged(found.findings)
         return found
 
     @property

@@ -39,7 +39,7 @@ pub use weightless::Weightless;
 use crate::measurement::Measurement;
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{Functions, Instant, Source};
-use partita_math::scalar::Scalar;
+use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::Space;
 use partita_system::SystemError;
 
@@ -188,6 +188,23 @@ impl<G: Space> Element<G> {
             Self::Force(e) => e.wrench(at, &mut room.plain),
             Self::Weightless(e) => Ok(e.wrench(at)),
             other => other.rare(at, room),
+        }
+    }
+
+    /// For a spring the force that stretches it by its own length, or by `size` where that is larger; 0 for others. A spring
+    /// near its free length pulls by a difference of such forces.
+    pub(crate) fn elastic(&self, tree: &Tree<G>, size: f64) -> G::S {
+        let size = G::S::from_f64(size);
+        match self {
+            Self::Spring(e) => e.stiffness.abs() * e.length.abs().max(size),
+            Self::Load(e) => match &e.law {
+                LoadLaw::SpringDamper(x) if e.along.is_angle(tree) => {
+                    x.stiffness.abs() * x.free.abs().max(G::S::one()) / size
+                }
+                LoadLaw::SpringDamper(x) => x.stiffness.abs() * x.free.abs().max(size),
+                _ => G::S::zero(),
+            },
+            _ => G::S::zero(),
         }
     }
 

@@ -6,7 +6,12 @@ use crate::part::Part;
 use crate::wrench::Wrench;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Spatial, Vec3};
+use partita_math::tolerance;
 use partita_system::SystemError;
+
+/// Residuals are compared with at least this part of the forces whose difference a spring pulls by. Scale: ratio. Reason:
+/// positions are off by [`tolerance::SOLUTION_ROUNDING`] of the size, and what is left of forces then is no finding.
+const ROUNDED: f64 = tolerance::SOLUTION_ROUNDING / tolerance::WORST_ROUNDING;
 
 /// Applied forces at one instant, in mechanism axes.
 pub(super) struct Applied<S> {
@@ -14,6 +19,9 @@ pub(super) struct Applied<S> {
     pub on: Vec<Wrench<S>>,
     /// Along each velocity of the tree.
     pub efforts: Vec<S>,
+    /// The largest force of one element, before those of several cancel each other, and at least what rounding makes of
+    /// springs.
+    pub largest: S,
 }
 
 impl<S: Scalar> Evaluator<S> {
@@ -36,7 +44,10 @@ impl<S: Scalar> Evaluator<S> {
     ) -> Result<Applied<S>, SystemError> {
         self.reaction_friction_at(t, q, v, s)?;
         let bodies = &self.numbers.bodies;
-        let mut all = Applied { on: vec![Wrench::default(); bodies.len()], efforts: vec![S::zero(); self.placed.nv] };
+        let efforts = vec![S::zero(); self.placed.nv];
+        let mut all = Applied { on: vec![Wrench::default(); bodies.len()], efforts, largest: S::zero() };
+        let per_length = 1.0 / self.placed.size;
+        let size = |p: &AppliedWrench<Spatial<S>>| p.force.norm().max(p.moment.norm().scale(per_length));
         for &node in &part.nodes {
             all.on[node - 1].force = self.full.gravity.times(bodies[node - 1].mass);
         }
@@ -45,6 +56,13 @@ impl<S: Scalar> Evaluator<S> {
         let (q, v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
         for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
             let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
+            let own = match &effect.application {
+                ForceApplication::Along(_, effort) => effort.abs().scale(per_length.min(1.0)),
+                ForceApplication::On(p) | ForceApplication::Between(_, p) => size(p),
+                ForceApplication::Listed => room.wrenches.iter().fold(S::zero(), |m, p| m.max(size(p))),
+            };
+            let rounded = e.elastic(&self.full, self.placed.size).scale(ROUNDED);
+            all.largest = all.largest.max(own).max(rounded);
             match &effect.application {
                 ForceApplication::Along(i, effort) => all.efforts[*i] += *effort,
                 ForceApplication::On(p) => self.put_wrench(s, &mut all.on, p),

@@ -173,13 +173,12 @@ impl<S: Scalar> Evaluator<S> {
         vdot: &[S],
         s: &mut Scratch<S>,
     ) -> Result<Known<S>, SystemError> {
-        let Applied { on: mut needed, mut efforts } = self.applied(part, t, q, v, s)?;
+        let Applied { on: mut needed, mut efforts, mut largest } = self.applied(part, t, q, v, s)?;
         for (i, rotor) in self.full.rotating() {
             efforts[i] -= rotor * vdot[i];
         }
         let added = self.link_accelerations(part, vdot, s);
         let per_length = S::one().scale(1.0 / self.placed.size);
-        let mut largest = S::zero();
         for body in part.nodes.iter().map(|node| node - 1) {
             let (w, b, link) = (&mut needed[body], &self.numbers.bodies[body], self.placed.bodies[body].link);
             let x = &s.full.links[link];
