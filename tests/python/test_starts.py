@@ -46,7 +46,7 @@ def test_a_start_off_its_closure_is_where_the_run_starts(name: str, coordinates:
         assert np.abs(run.q - other.q).max() < 1e-11 and np.abs(run.v - other.v).max() < 1e-9
 
 
-@pytest.mark.parametrize("formulation", ["wehage-haug", "explicit-closing", "svd", "tangent-space", "multipliers"])
+@pytest.mark.parametrize("formulation", ["wehage-haug", "svd", "tangent-space", "multipliers"])
 def test_every_formulation_starts_closed(formulation: str) -> None:
     m = pt.catalogue.load("four-bar")
     s = m.assemble()

@@ -395,7 +395,7 @@ impl<E: Display> Stepper<E> for CrossingStep {
                 self.t_new = t + nearest.stages.h;
             }
             self.stages = nearest.map(|nearest| nearest.stages);
-            return Err(StepFailure::TooSmall { t, h, resolved: None, last });
+            return Err(StepFailure::TooSmall { t, h, last });
         };
         self.counters.lenient += u64::from(error > 1.0);
         self.length = stages.h;
@@ -413,7 +413,7 @@ impl<E: Display> Stepper<E> for CrossingStep {
             Ok(evaluated) => self.counters.evaluations += u64::from(evaluated),
             Err(RhsError::Retry(error)) => {
                 self.counters.evaluations += 1;
-                return Err(StepFailure::TooSmall { t: self.t_old, h: self.length, resolved: None, last: Some(error) });
+                return Err(StepFailure::TooSmall { t: self.t_old, h: self.length, last: Some(error) });
             }
             Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
         }

@@ -316,7 +316,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             let (h, t_new) = self.plan();
             if t_new == self.t_old {
                 let h = self.step;
-                return Err(StepFailure::TooSmall { t: t_new, h, resolved: self.resolved(), last: obstacle });
+                return Err(StepFailure::TooSmall { t: t_new, h, last: obstacle });
             }
             match self.stages(ode, h, t_new) {
                 Ok(()) => {}

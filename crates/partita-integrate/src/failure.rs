@@ -8,15 +8,13 @@ pub enum StepFailure<E: Display> {
     /// The step became shorter than the time can resolve.
     #[error(
         "the step size fell to {} at t = {t} without an acceptable step{}; {}",
-        partita_math::formatted(*h), reason(.last), advice(*resolved)
+        partita_math::formatted(*h), reason(.last), advice(*t)
     )]
     TooSmall {
         /// Time reached.
         t: f64,
         /// The step size that would have come next (positive).
         h: f64,
-        /// Distance between two numbers at this time, where that bounds the steps.
-        resolved: Option<f64>,
         /// The last error of the right-hand side, if it was the obstacle.
         last: Option<E>,
     },
@@ -52,13 +50,18 @@ pub enum StepFailure<E: Display> {
     },
 }
 
-fn advice(resolved: Option<f64>) -> String {
-    match resolved {
-        None => "look for a singular position or a jump in the forces near this time".into(),
-        Some(spacing) => format!(
-            "times so far from 0 are {} s apart, which allows no shorter step; start the run nearer to t = 0, with loads \
-             and drives shifted as much",
-            partita_math::formatted(spacing)
+/// From here on a message says how far times lie apart. Unit: s. Reason: there it is a tenth of a nanosecond, and the
+/// shortest step a thousand million times as long as near 0.
+const TIMES_FAR: f64 = 1e6;
+
+fn advice(t: f64) -> String {
+    let look = "look for a singular position or a jump in the forces near this time";
+    match t.abs() < TIMES_FAR {
+        true => look.into(),
+        false => format!(
+            "times so far from 0 are {} s apart, and steps are at least some ten times as long: start the run nearer to \
+             t = 0, with loads and drives shifted as much, or {look}",
+            partita_math::formatted(f64::EPSILON * t.abs())
         ),
     }
 }

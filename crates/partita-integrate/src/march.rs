@@ -416,7 +416,7 @@ impl March {
             if let Control::Ticks { .. } = self.control {
                 if *attempts == 0 {
                     let step = self.stepper.current();
-                    return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, resolved: None, last: None });
+                    return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last: None });
                 }
                 *attempts -= 1;
             }

@@ -10,9 +10,6 @@ use crate::failure::StepFailure;
 /// Shortening after a point that cannot be evaluated. Unit: ratio of steps. Reason: near the end of what can be
 /// evaluated a half would be too short.
 const RETRY_FACTOR: f64 = 0.6;
-/// A run is far from t = 0 if it is shorter than this. Scale: fraction of the time. Reason: its times have lost six digits
-/// then, and its shortest step is a thousand times as long as near 0.
-const TIMES_FAR: f64 = 1e-6;
 /// Shortening after a number that is not finite. Unit: ratio of steps. Reason: its cause is unknown.
 const NOT_FINITE_FACTOR: f64 = 0.5;
 
@@ -28,12 +25,6 @@ impl ExplicitRungeKutta {
     /// The shortest step worth trying here.
     pub(super) fn shortest_step(&self) -> f64 {
         self.shortest.max(tolerance::TEN_ROUNDINGS * self.t_old.abs())
-    }
-
-    /// Where the time itself allows no shorter step, because it is far from 0: the distance between two times there.
-    pub(super) fn resolved(&self) -> Option<f64> {
-        let spacing = f64::EPSILON * self.t_old.abs();
-        (self.span < TIMES_FAR * self.t_old.abs()).then_some(spacing)
     }
 
     /// Reject an attempt of length `h` because f was not evaluable. The factor varies a little from time to time, so
@@ -56,8 +47,7 @@ impl ExplicitRungeKutta {
     /// Whether the next step is long enough. Else the last obstacle is taken for the reason.
     pub(super) fn check_length<E: Display>(&self, h: f64, last: &mut Option<E>) -> Result<(), StepFailure<E>> {
         if self.step < self.shortest_step() || h == 0.0 {
-            let resolved = self.resolved();
-            return Err(StepFailure::TooSmall { t: self.t_old, h: self.step, resolved, last: last.take() });
+            return Err(StepFailure::TooSmall { t: self.t_old, h: self.step, last: last.take() });
         }
         Ok(())
     }

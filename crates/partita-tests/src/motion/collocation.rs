@@ -143,7 +143,7 @@ impl Collocation {
         self.counters.rejected += 1;
         self.step = h.abs() * factor;
         match self.step < 1e-14 {
-            true => Err(StepFailure::TooSmall { t: self.t[0], h: self.step, resolved: None, last }),
+            true => Err(StepFailure::TooSmall { t: self.t[0], h: self.step, last }),
             false => Ok(()),
         }
     }
