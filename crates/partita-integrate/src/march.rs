@@ -15,6 +15,7 @@ use crate::singular_times;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use partita_math::tolerance;
 use partita_system::error::CrossingOutcome;
+use partita_system::breakpoints::Passing;
 use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
 use partita_system::guards::Look;
 use partita_system::record::Output;
@@ -468,8 +469,7 @@ impl March {
             if !self.guards_hold(formulation)? {
                 continue;
             }
-            if let Some(t) = self.free.then(|| formulation.breakpoint_within(self.tolerance)).flatten() {
-                self.active().end_at(t);
+            if self.free && !self.passes_no_breakpoint(formulation)? {
                 continue;
             }
             if self.locate_passed(formulation) {
@@ -540,31 +540,30 @@ impl March {
 
     /// Check the guards along the concluded step. False where it was rejected, to end where it crosses one.
     fn guards_hold<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
-        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
         loop {
-            let t = match formulation.guard(self.tolerance, self.free) {
+            match formulation.guard(self.tolerance, self.free) {
                 Look::Clear => return Ok(true),
                 Look::Crossed { t, .. } => {
-                    stepper.end_at_corner(t);
+                    self.active().end_at_corner(t);
                     return Ok(false);
                 }
-                Look::At(t) => t,
-            };
-            let seen = match stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer) {
-                Ok(()) => formulation.look_at(t, &self.buffer).map_err(|error| StepFailure::Rhs { t, error }),
-                Err(failure) => Err(failure),
-            };
-            match seen {
-                Ok(()) => {}
-                Err(StepFailure::Interpolation { .. }) if stepper.current().may_shrink => {
-                    stepper.reject(0.5);
+                Look::At(t) if self.sees(formulation, t)? => {}
+                Look::At(_) => return Ok(false),
+            }
+        }
+    }
+
+    /// Check the breakpoints along the concluded step. False where it was rejected, to end at one.
+    fn passes_no_breakpoint<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
+        loop {
+            match formulation.breakpoint_within(self.tolerance) {
+                Passing::Clear => return Ok(true),
+                Passing::Until(t) => {
+                    self.active().end_at(t);
                     return Ok(false);
                 }
-                Err(StepFailure::Rhs { error, .. }) if error.is_local() && stepper.current().may_shrink => {
-                    stepper.reject(0.5);
-                    return Ok(false);
-                }
-                Err(failure) => return Err(failure),
+                Passing::At(t) if self.sees(formulation, t)? => {}
+                Passing::At(_) => return Ok(false),
             }
         }
     }
@@ -575,7 +574,6 @@ impl March {
         formulation: &mut F,
         verdict: Verdict,
     ) -> Result<(), StepFailure<SystemError>> {
-        let free = self.free;
         let step = self.stepper.current();
         let t = step.t_old;
         self.buffer.copy_from_slice(step.y_old);
@@ -595,8 +593,34 @@ impl March {
             self.stepper.set_reference(formulation.checks().exchanged());
         }
         if free {
+    /// Evaluate the dense output of the concluded step at t. False where that cannot be, and a shorter step is tried.
+    fn sees<F: Formulation>(&mut self, formulation: &mut F, t: f64) -> Result<bool, StepFailure<SystemError>> {
+        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
+        let seen = match stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer) {
+            Ok(()) => formulation.look_at(t, &self.buffer).map_err(|error| StepFailure::Rhs { t, error }),
+            Err(failure) => Err(failure),
+        };
+        let shrinks = match &seen {
+            Err(StepFailure::Interpolation { .. }) => stepper.current().may_shrink,
+            Err(StepFailure::Rhs { error, .. }) => error.is_local() && stepper.current().may_shrink,
+            _ => false,
+        };
+        if shrinks {
+            stepper.reject(0.5);
+            return Ok(false);
+        }
+        seen.map(|()| true)
+    }
+
+    /// Whether the step under way crosses a singular position and may end after the run, whose end lies beside it.
+    fn ends_beyond(&self) -> bool {
+        self.crosses && self.crossing.current().t_end > self.stepper.current().t_end
+    }
+
             self.plan(formulation, pace);
         }
         Ok(())
     }
 }
+        // at the end there is nothing to plan: what lies ahead may be too close to be crossed from there
+        let free = self.free && t < step.t_end;

@@ -108,12 +108,17 @@ fn is_singular(e: &SystemError) -> bool {
 
 /// The outcome of an integration that failed at t, in a word and in a sentence, and what failed.
 pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
+/// Whether the error explains why no step led beyond.
+fn says_why(e: &SystemError) -> bool {
+    matches!(e, SystemError::Jump { .. } | SystemError::Jammed { .. }) || e.leaves_a_range()
+}
+
     let message = failure.to_string();
     match failure {
         StepFailure::TooSmall { last: Some(e), .. } if is_singular(&e) => {
             (Status::Singular, format!("stopped at t = {t:.6} s: {e}"), Some(e))
         }
-        StepFailure::TooSmall { last: Some(e @ (SystemError::Jump { .. } | SystemError::Jammed { .. })), .. } => {
+        StepFailure::TooSmall { last: Some(e), .. } if says_why(&e) => {
             (Status::EvaluationFailed, format!("stopped at t = {t:.6} s: {e}"), Some(e))
         }
         StepFailure::TooSmall { last, .. } => (Status::StepTooSmall, message, last),

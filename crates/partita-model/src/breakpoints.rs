@@ -9,7 +9,7 @@ use crate::spec::{Coupling, Force, Spec, Table, Value};
 use crate::time_domain;
 use crate::value::Abscissa;
 use partita_math::spatial::Space;
-use partita_system::breakpoints::{Breakpoints, Enters, Reading};
+use partita_system::breakpoints::{Breakpoints, Enters, Reading, Reads};
 
 /// The abscissa of a curve.
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +73,8 @@ impl Curves {
 }
 
 fn of_table(table: &Table, enters: Enters, periodic: bool, angle: bool) -> Option<Breakpoints> {
-    Breakpoints::new(&table.breaks, &table.coefficients, enters, periodic, angle)
+    let reads = if angle { Reads::Angle } else { Reads::Other };
+    Breakpoints::new(&table.breaks, &table.coefficients, enters, periodic, reads)
 }
 
 fn of_condition<G: Space>(spec: &Spec, model: &Evaluator<f64>, condition: &Condition<G>) -> Option<Breakpoints> {

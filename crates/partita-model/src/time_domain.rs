@@ -1,7 +1,7 @@
 //! Time domain of a mechanism: up to the end of the table that ends first.
 
 use crate::spec::{Force, ForceRecord, Level, Spec, Table, Turning, Value, VectorValue};
-use partita_system::breakpoints::{Breakpoints, Enters};
+use partita_system::breakpoints::{Breakpoints, Enters, Reads};
 
 fn tables(value: &VectorValue) -> Vec<&Value> {
     match value {
@@ -82,7 +82,9 @@ pub fn discontinuities(spec: &Spec) -> Vec<f64> {
 /// The breakpoints of all tables of time.
 pub fn breakpoints(spec: &Spec) -> Vec<Breakpoints> {
     all(spec)
-        .filter_map(|(table, _, enters)| Breakpoints::new(&table.breaks, &table.coefficients, enters, false, false))
+        .filter_map(|(table, _, enters)| {
+            Breakpoints::new(&table.breaks, &table.coefficients, enters, false, Reads::Time)
+        })
         .collect()
 }
 

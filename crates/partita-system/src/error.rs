@@ -469,7 +469,13 @@ impl SystemError {
                 | Self::Jump { .. }
                 | Self::Jammed { .. }
                 | Self::Crossing { .. }
-        )
+        ) || self.leaves_a_range()
+    }
+
+    /// Whether a reading lies outside the range over which a function of it is given. A trial step may go there where
+    /// the motion does not.
+    pub fn leaves_a_range(&self) -> bool {
+        matches!(self, Self::OutsideCurve { .. } | Self::Wound { .. } | Self::Uncounted { .. } | Self::Twisted { .. })
     }
 }
 

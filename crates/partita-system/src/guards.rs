@@ -5,36 +5,19 @@
 //! whole of an accepted step, by their values and rates at its ends and, where these are not conclusive, at points
 //! inside it, on its dense output. A step that crosses one is repeated and ends there.
 
-use crate::breakpoints::HALVINGS;
+use crate::cubic::{errors_of_parts, Cubic, EDGE, INSIDE, LONGEST_CUBIC, MOST_PLACES};
 use crate::error::six_digits;
 use partita_math::tolerance;
 
 /// Largest speed inside a step relative to those at its two ends. Scale: multiples of the speed at the ends. Reason:
 /// within the longest step that the error allows a speed doubles.
 const FASTER_INSIDE: f64 = 2.0;
-/// Longest interval over which a guard is approximated by a cubic. Scale: characteristic displacement. Reason: over a
-/// third of a turn it has one minimum; over a full turn it returns to its values and hides the extrema between.
-const LONGEST_CUBIC: f64 = 2.0;
-/// Parts of an interval at whose ends a cubic is compared with its error.
-const PARTS: u32 = 16;
-/// Number of points inside a step that are evaluated before it is shortened instead. Scale: a number. Reason: a step
-/// with more inconclusive intervals extends over many turns.
-const MOST_PLACES: usize = 120;
-/// Point of evaluation where a cubic has no minimum of its own. Unit: fraction of the interval. Reason: the golden
-/// section, so that no period of the motion coincides with repeated halves.
-const INSIDE: f64 = 0.381_966;
 /// Least distance of the place at which a crossing is sought from the ends of its interval. Unit: fraction of the
 /// interval. Reason: the interval shrinks at least by that.
 const NEAR_AN_END: f64 = 1e-9;
 /// Longest first step on the other side of a guard. Unit: fraction of the natural size of the guard. Reason: a contact
 /// still acts there, whatever the motion.
 const FIRST_INSIDE: f64 = 0.1;
-/// The error of a cubic over an interval, from one sample in a longer one. Unit: the error for constant
-/// fourth derivatives. Reason: allows for as much as was observed half-way along twice the interval.
-const OTHER_FOURTH: f64 = 16.0;
-/// Least distance of the place at which a minimum is evaluated from the ends of its interval. Unit: fraction of the
-/// interval. Reason: a second evaluation at the same point adds nothing.
-const EDGE: f64 = 0.01;
 
 /// A guard.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,8 +39,14 @@ pub struct GuardReading {
     pub rate: f64,
     /// Distance of the guarded element from changing sides, in the unit of the speed.
     pub apart: f64,
-    /// Largest speed at which that can change.
+    /// Largest speed at which that can change, while the rates of the mechanism stay as they are.
     pub speed: f64,
+}
+
+impl GuardReading {
+    fn cubic(&self, h: f64, to: Self) -> Cubic {
+        Cubic::new(h, (self.x, self.rate), (to.x, to.rate))
+    }
 }
 
 /// Decision about a step by its guards.
@@ -106,56 +95,6 @@ pub struct GuardMonitor {
     /// end shows: the interpolant is not the motion then.
     beside: Vec<GuardReading>,
     met: Option<(f64, usize)>,
-}
-
-/// The cubic given by values and rates at both ends, over the fraction s of the interval.
-#[derive(Clone, Copy)]
-struct Cubic([f64; 4]);
-
-impl Cubic {
-    fn new(h: f64, from: GuardReading, to: GuardReading, sign: f64) -> Self {
-        let (x0, x1, r0, r1) = (sign * from.x, sign * to.x, sign * h * from.rate, sign * h * to.rate);
-        Self([x0, r0, 3.0 * (x1 - x0) - 2.0 * r0 - r1, r0 + r1 - 2.0 * (x1 - x0)])
-    }
-
-    fn at(&self, s: f64) -> f64 {
-        let [a, b, c, d] = self.0;
-        a + s * (b + s * (c + s * d))
-    }
-
-    /// Largest distance from its linear part.
-    fn bend(&self) -> f64 {
-        self.0[2].abs() + self.0[3].abs()
-    }
-
-    /// Its minimum inside, and where it lies.
-    fn minimum(&self) -> Option<(f64, f64)> {
-        let [_, b, c, d] = self.0;
-        let under_root = c * c - 3.0 * d * b;
-        // the root with the positive second derivative
-        let s = -b / (c + under_root.max(0.0).sqrt());
-        (under_root >= 0.0 && s > 0.0 && s < 1.0).then(|| (s, self.at(s)))
-    }
-
-    /// The lowest that is possible inside for what is off by at most this, in the middle: where, and how low.
-    fn lowest(&self, off: f64) -> (f64, f64) {
-        // the error of Hermite's cubic is proportional to s² (1 − s)²
-        let bound = |s: f64| (s, self.at(s) - off * 16.0 * (s * (1.0 - s)).powi(2));
-        let all = (1..PARTS).map(|i| f64::from(i) / f64::from(PARTS)).chain(self.minimum().map(|x| x.0)).map(bound);
-        all.fold((INSIDE, f64::INFINITY), |least, x| if x.1 < least.1 { x } else { least })
-    }
-
-    /// The root of the cubic, if the values at its ends have different signs.
-    fn zero(&self) -> f64 {
-        let (mut low, mut high, ends) = (0.0, 1.0, [self.at(0.0), self.at(1.0)]);
-        // one of the ends may be a zero already
-        let falls = if ends[0].abs() > ends[1].abs() { ends[0] > 0.0 } else { ends[1] < 0.0 };
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
-            *(if (self.at(middle) > 0.0) == falls { &mut low } else { &mut high }) = middle;
-        }
-        0.5 * (low + high)
-    }
 }
 
 /// Result of an interval for a guard.
@@ -227,13 +166,11 @@ impl GuardMonitor {
         let (before, rest) = self.samples.split_at_mut(at);
         let (from, (here, to)) = (&mut before[at - 1], rest.split_first_mut().expect("a sample was put there"));
         let (h, s) = (to[0].t - from.t, (t - from.t) / (to[0].t - from.t));
-        let middle = OTHER_FOURTH / (4.0 * s * (1.0 - s)).powi(2);
         for g in 0..self.guards.len() {
-            let cubic = Cubic::new(h, from.readings[g], to[0].readings[g], 1.0);
-            let seen = middle * (cubic.at(s) - here.readings[g].x).abs();
-            // at one place the error may be zero by chance
-            let off = seen.max(from.off[g].unwrap_or(cubic.bend()));
-            (from.off[g], here.off[g]) = (Some(off * s.powi(4)), Some(off * (1.0 - s).powi(4)));
+            let cubic = from.readings[g].cubic(h, to[0].readings[g]);
+            let seen = (cubic.at(s) - here.readings[g].x).abs();
+            let [off, then] = errors_of_parts(s, seen, from.off[g].unwrap_or(cubic.bend()));
+            (from.off[g], here.off[g]) = (Some(off), Some(then));
         }
     }
 
@@ -349,8 +286,8 @@ impl GuardMonitor {
             // too short to be divided: a jump, unless the step ends here anyway
             return if crosses && inside.1 { Shown::Crossed(to.t) } else { Shown::Clear };
         }
-        let sign = if after { 1.0 } else { -1.0 };
-        let cubic = Cubic::new(h, one, two, sign);
+        let cubic = one.cubic(h, two);
+        let cubic = if after { cubic } else { cubic.reversed() };
         if crosses {
             let zero = cubic.zero().clamp(NEAR_AN_END, 1.0 - NEAR_AN_END);
             return Shown::Doubtful(from.t + h * zero);

@@ -8,6 +8,7 @@ pub mod choice;
 pub mod closing;
 pub mod clusters;
 pub mod compiled;
+mod cubic;
 pub mod equations;
 pub mod error;
 pub mod formulation;

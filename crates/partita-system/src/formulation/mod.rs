@@ -3,6 +3,7 @@
 pub mod motion;
 pub mod registry;
 
+use crate::breakpoints::Passing;
 use crate::guards::Look;
 use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 
@@ -62,10 +63,10 @@ pub trait FormulationSteps {
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
-    /// When the step of the last `trial_end` passes a point where a load is not smooth, if this changes the velocities
-    /// by more than the fraction `tolerance`: the step should end there.
-    fn breakpoint_within(&self, _tolerance: f64) -> Option<f64> {
-        None
+    /// Whether the step of the last `trial_end` passes a point where a load is not smooth, if this changes the
+    /// velocities by more than the fraction `tolerance`: the step should end there.
+    fn breakpoint_within(&mut self, _tolerance: f64) -> Passing {
+        Passing::Clear
     }
     /// When a step of length h from the last `commit` would pass one, by prediction.
     fn breakpoint_ahead(&self, _h: f64, _tolerance: f64) -> Option<f64> {
@@ -76,7 +77,7 @@ pub trait FormulationSteps {
     fn guard(&mut self, _tolerance: f64, _may_end: bool) -> Look {
         Look::Clear
     }
-    /// The guards at (t, y), inside that step.
+    /// The guards, and what curves read, at (t, y) inside that step.
     fn look_at(&mut self, _t: f64, _y: &[f64]) -> Result<()> {
         Ok(())
     }
@@ -235,7 +236,7 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         (**self).commit(verdict, step)
     }
-    fn breakpoint_within(&self, tolerance: f64) -> Option<f64> {
+    fn breakpoint_within(&mut self, tolerance: f64) -> Passing {
         (**self).breakpoint_within(tolerance)
     }
     fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {

@@ -244,7 +244,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn look_back(&mut self, t: f64) {
         if !self.breakpoints.is_empty() {
             let r = self.tangent.reduction();
-            r.system.breakpoint_readings(t, self.positions.q(), &r.v, &mut r.scratch, self.breakpoints.ends(t));
+            let out = self.breakpoints.ends(t, r.fastest());
+            r.system.breakpoint_readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
         }
         if !self.guards.is_empty() {
             let r = self.tangent.reduction();

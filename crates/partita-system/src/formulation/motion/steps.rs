@@ -1,6 +1,7 @@
 //! The end of a step: closed, judged, accepted or repeated, the choice renewed, the next step planned.
 
 use super::Motion;
+use crate::breakpoints::Passing;
 use crate::error::Result;
 use crate::formulation::{FormulationSteps, SingularSteps, Step, Verdict};
 use crate::guards::Look;
@@ -148,9 +149,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         Ok((verdict, evaluates))
     }
-    fn breakpoint_within(&self, tolerance: f64) -> Option<f64> {
+    fn breakpoint_within(&mut self, tolerance: f64) -> Passing {
         // one that crosses a singular position has its place and length from there
-        (!self.monitor.crosses_next).then(|| self.breakpoints.within(tolerance))?
+        if self.monitor.crosses_next {
+            return Passing::Clear;
+        }
+        self.breakpoints.look(tolerance)
     }
     fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
         (!self.monitor.crosses_next).then(|| self.breakpoints.ahead(h, tolerance))?
@@ -174,7 +178,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.evaluate(t, y)?;
         let r = self.tangent.reduction();
         let (q, fastest) = (self.positions.q(), r.fastest());
-        self.guards.inside(t, fastest, |out| r.system.guard_readings(t, q, &r.v, &mut r.scratch, out));
+        if !self.guards.is_empty() {
+            self.guards.inside(t, fastest, |out| r.system.guard_readings(t, q, &r.v, &mut r.scratch, out));
+        }
+        if !self.breakpoints.is_empty() {
+            self.breakpoints.inside(t, fastest, |out| r.system.breakpoint_readings(t, q, &r.v, &mut r.scratch, out));
+        }
         Ok(())
     }
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
