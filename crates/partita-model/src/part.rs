@@ -3,6 +3,7 @@
 //! The pose of a body depends on the links between it and the ground. The reaction of a tree joint depends besides on
 //! the bodies outboard of it and their loads; that of a cut joint only on its multipliers and its two sides.     (R3)
 
+use crate::coupling::{Law, Says};
 use crate::evaluator::{Engine, Evaluator, Scratch};
 use crate::force::{CutSight, Seen};
 use crate::rows::Owner;
@@ -90,6 +91,13 @@ impl<S: Scalar> Evaluator<S> {
     /// Whether forces or motions contain user functions.
     pub fn calls_functions(&self) -> bool {
         self.callers.functions.count() > 0
+    }
+
+    /// Whether something is given over a range of a reading alone: a table, or an angle whose turns are not counted.
+    /// Members side by side are not compared with its ends.
+    pub fn has_ranges(&self) -> bool {
+        let curves = self.full.conditions.iter().any(|c| matches!(c.says, Says::Law(Law::Curve { .. }, _)));
+        curves || self.full.elements.iter().any(|e| e.has_range())
     }
 
     /// Dependences of all outputs together: everything.

@@ -176,7 +176,7 @@ fn refusal(model: &Model, what: &Members) -> Option<String> {
         (model.lacks_mass(), "massless bodies"),
         (!model.guards().is_empty(), "contacts, stops or other elements with guards"),
         (!model.breakpoints().is_empty() || !model.discontinuities().is_empty(), "tables"),
-        (model.time_domain().is_some(), "tables with an end"),
+        (model.time_domain().is_some() || model.has_ranges(), "tables with an end"),
         (model.geometry().drawn.is_some() && !what.parameters.is_empty(), "a repaired drawing with other parameters"),
     ];
     cases.iter().find(|x| x.0).map(|x| x.1.to_string())

@@ -266,6 +266,11 @@ impl<G: Space> Element<G> {
         }
     }
 
+    /// Whether it is given over a range of what it reads alone.
+    pub(crate) fn has_range(&self) -> bool {
+        matches!(self, Self::Load(e) if e.turns.is_some() || matches!(e.law, LoadLaw::Curve(_)))
+    }
+
     /// Whether it calls a user function, which may depend on all coordinates including whole turns.
     pub(crate) fn calls_function(&self) -> bool {
         matches!(self, Self::Law(_)) || self.sources().iter().any(|s| matches!(s, Source::Function(_)))
