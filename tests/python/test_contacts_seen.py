@@ -88,6 +88,39 @@ def glancing(rng: np.random.Generator) -> Case:
     return Case(m, start, 4 / speed, duration(0.1, stiffness, speed))
 
 
+def arms(rng: np.random.Generator) -> Case:
+    """Two arms that turn freely and strike each other with their tips: where both move alike at the ends of a step,
+    they are far faster against each other inside it."""
+    m = pt.Mechanism("arms", gravity=(0, 0, 0))
+    apart, radii = rng.uniform(1.85, 1.99), rng.uniform(0.02, 0.05, 2)
+    a = m.add_rod("a", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    b = m.add_rod("b", start=(apart, 0, 0), end=(apart, -1, 0), mass=2.0)
+    m.add_revolute("A", m.ground, a, point=(0, 0, 0))
+    m.add_revolute("B", m.ground, b, point=(apart, 0, 0))
+    stiffness = 10 ** rng.uniform(5.5, 7)
+    m.add_contact("c", a, (1, 0, 0), b, (1, 0, 0), radius1=radii[0], radius2=radii[1], stiffness=stiffness)
+    rates = {"A": rng.uniform(5, 30), "B": -rng.uniform(5, 30)}
+    return Case(m, m.assemble(rates=rates), rng.uniform(1, 2), duration(0.5, stiffness, 40.0))
+
+
+def whip(rng: np.random.Generator) -> Case:
+    """A double pendulum whose tip strikes a ball as it is flung past it."""
+    m = pt.Mechanism("whip", gravity=(0, -9.81, 0))
+    lengths, masses = rng.uniform(0.3, 0.8, 2), (rng.uniform(1, 3), rng.uniform(0.05, 0.3))
+    joint = (lengths[0], 0.0, 0.0)
+    inner = m.add_rod("inner", start=(0, 0, 0), end=joint, mass=masses[0])
+    outer = m.add_rod("outer", start=joint, end=(lengths.sum(), 0, 0), mass=masses[1])
+    m.add_revolute("A", m.ground, inner, point=(0, 0, 0))
+    m.add_revolute("B", inner, outer, point=joint)
+    angle, far, radius = rng.uniform(0, 2 * pi), rng.uniform(0.7, 1.05) * lengths.sum(), rng.uniform(0.01, 0.04)
+    centre = (far * np.cos(angle), far * np.sin(angle), 0.0)
+    stiffness = 10 ** rng.uniform(5, 7)
+    of = {"radius1": radius, "radius2": radius, "stiffness": stiffness}
+    m.add_contact("c", outer, (lengths[1], 0, 0), m.ground, centre, **of)
+    rates = {"A": rng.uniform(-12, 12), "B": rng.uniform(-25, 25)}
+    return Case(m, m.assemble(rates=rates), 0.4, duration(0.1, stiffness, 15.0))
+
+
 @pytest.mark.parametrize("draw", [balls, pin, glancing], ids=lambda f: f.__name__)
 def test_no_contact_is_stepped_over(draw: Callable[[np.random.Generator], Case]) -> None:
     for seed in range(6):
@@ -183,3 +216,41 @@ def test_a_contact_too_soft_for_its_bodies_is_noted() -> None:
     assert fast.success and any("too soft" in note and f"{held:.5f}"[:6] in note for note in fast.notes)
     slow = m.simulate(1.0, initial=m.assemble(rates={"free a": [1.0, 0, 0, 0, 0, 0]}))
     assert slow.success and not any("too soft" in note for note in slow.notes)
+
+
+@pytest.mark.parametrize("draw", [arms, whip], ids=lambda f: f.__name__)
+def test_what_is_faster_inside_a_step_than_at_its_ends_touches(draw: Callable[[np.random.Generator], Case]) -> None:
+    """No contact may be missed: the first one of each motion is compared, since errors grow with each."""
+    for seed in range(12):
+        case = draw(np.random.default_rng([3, seed]))
+        m, start = case.mechanism, case.start
+        # from contact to contact: the gap of a run in short steps tells when the first one ends
+        t = np.linspace(0, case.time, 2001)
+        fine = m.simulate(case.time, t_eval=t, initial=start, rtol=1e-10, atol=1e-12, max_step=case.contact / 4)
+        loads = np.linalg.norm(fine.force("c").force, axis=1)
+        touched = np.flatnonzero(loads > 0)
+        first = touched[0] if len(touched) else len(t) - 2
+        after = np.flatnonzero(loads[first:] == 0)
+        end = t[min(first + after[0] + 1, len(t) - 1)] if len(after) else t[-1]
+        reference = m.simulate(end, t_eval=[end], initial=start, rtol=1e-11, atol=1e-13, max_step=case.contact / 20)
+        for outputs in (2, 201):
+            run = m.simulate(end, t_eval=np.linspace(0, end, outputs), initial=start)
+            error = np.abs(run.v[-1] - reference.v[-1]).max() / np.abs(reference.v).max()
+            assert run.success and error < 1e-3, (seed, outputs, error)
+
+
+def test_two_arms_strike_each_other_twice() -> None:
+    m = pt.Mechanism("arms", gravity=(0, 0, 0))
+    a = m.add_rod("a", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    b = m.add_rod("b", start=(1.9, 0, 0), end=(1.9, -1, 0), mass=2.0)
+    m.add_revolute("A", m.ground, a, point=(0, 0, 0))
+    m.add_revolute("B", m.ground, b, point=(1.9, 0, 0))
+    radii = {"radius1": 0.02, "radius2": 0.03813182853730587}
+    m.add_contact("c", a, (1, 0, 0), b, (1, 0, 0), **radii, stiffness=1194861.1041387145)
+    start = m.assemble(rates={"A": 23.735581638913793, "B": -24.556790688748762})
+    end = 2.195533431651355
+    for outputs in (2, 201):
+        run = m.simulate(end, t_eval=np.linspace(0, end, outputs), initial=start)
+        assert run.success and run.certificate.verdict == "valid"
+        # steps of a thousandth of a second, at the tolerance 1e-11
+        assert np.allclose(run.v[-1], [27.72046459, -22.37214358], rtol=1e-4)

@@ -36,7 +36,7 @@ pub struct Contact<G: Space> {
 }
 
 impl<G: Space<S = f64>> Contact<G> {
-    /// Gap, its rate, the distance of the surfaces and the speed at which they move. The gap of spheres is
+    /// Gap, its rate, the distance of the surfaces and the largest speed at which it changes. The gap of spheres is
     /// `(d² − ρ²) / 2ρ` with the distance d of the centres and the sum ρ of the radii: a smooth function of the motion
     /// where the distance has a corner, with the same sign.
     pub(crate) fn gap(&self, at: &At<G>) -> [f64; 4] {
@@ -48,14 +48,15 @@ impl<G: Space<S = f64>> Contact<G> {
                 let n = at.axes(two.link).apply(n);
                 let moving = at.moving(one.link, centre) - at.moving(two.link, centre);
                 let gap = n.dot(apart) - self.radius;
-                [gap, n.dot(moving), gap, moving.norm()]
+                [gap, n.dot(moving), gap, at.fastest(one.link, centre) + at.fastest(two.link, centre)]
             }
             Surface::Sphere(radius) => {
                 let sum = self.radius + radius;
                 let other = at.spot(&self.other);
                 let moving = at.moving(one.link, centre) - at.moving(two.link, other);
                 let gap = (apart.dot(apart) - sum * sum) / (2.0 * sum);
-                [gap, apart.dot(moving) / sum, apart.norm() - sum, moving.norm()]
+                let fastest = at.fastest(one.link, centre) + at.fastest(two.link, other);
+                [gap, apart.dot(moving) / sum, apart.norm() - sum, fastest]
             }
         }
     }

@@ -27,7 +27,8 @@ impl<G: Space<S = f64>> Rope<G> {
         let apart = b - a;
         let moving = at.moving(self.b.attachment.link, b) - at.moving(self.a.attachment.link, a);
         let gap = (self.length * self.length - apart.dot(apart)) / (2.0 * self.length);
-        [gap, -apart.dot(moving) / self.length, self.length - apart.norm(), moving.norm()]
+        let fastest = at.fastest(self.b.attachment.link, b) + at.fastest(self.a.attachment.link, a);
+        [gap, -apart.dot(moving) / self.length, self.length - apart.norm(), fastest]
     }
 }
 

@@ -76,6 +76,16 @@ impl<G: Space> At<'_, G> {
     }
 }
 
+impl<G: Space<S = f64>> At<'_, G> {
+    /// Largest speed that a link's material at a point of space can have while the rates of the link stay as they are:
+    /// its reference point may move as fast as both motions allow now, and the point about it. Two points that move alike
+    /// at both ends of a step may be far faster apart from each other in it.
+    pub(super) fn fastest(&self, link: usize, x: Vec3<f64>) -> f64 {
+        let arm = G::vec_to(self.arm_to(link, x));
+        self.moving(link, x).norm() + 2.0 * self.spinning(link).norm() * arm.norm()
+    }
+}
+
 /// No moment.
 #[inline(always)]
 pub(super) fn none<S: Scalar>() -> Vec3<S> {
