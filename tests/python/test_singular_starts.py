@@ -312,3 +312,28 @@ def test_a_crank_driven_in_a_change_point(coordinates: str) -> None:
             assert np.abs(run.joint("Z").position[:, 0] - 0.3 * run.t).max() < 1e-9
     with pytest.raises(SingularityError, match="2 branches meet"):
         m.simulate(0.1, coordinates=coordinates)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_rate_that_cannot_be_at_a_dead_point_is_refused(coordinates: str) -> None:
+    rng = np.random.default_rng(21)
+    for _ in range(6):
+        crank, coupler, rocker = rng.uniform(0.2, 0.4), rng.uniform(0.6, 0.9), rng.uniform(0.5, 0.8)
+        far = coupler + rocker
+        base = rng.uniform(far - 0.8 * crank, far + 0.8 * crank)
+        # the crank pin is as far from the hinge of the rocker as both links are long
+        angle = math.acos((crank**2 + base**2 - far**2) / (2 * crank * base))
+        b, d = np.array([crank * math.cos(angle), crank * math.sin(angle), 0]), np.array([base, 0.0, 0.0])
+        c = b + (d - b) * coupler / far
+        m = pt.Mechanism("in line", gravity=(0, 0, 0))
+        one = m.add_rod("crank", start=(0, 0, 0), end=b, mass=1.0)
+        two = m.add_rod("coupler", start=b, end=c, mass=2.0)
+        three = m.add_rod("rocker", start=d, end=c, mass=1.5)
+        joints = [("A", m.ground, one, (0, 0, 0)), ("B", one, two, b), ("C", two, three, c), ("D", m.ground, three, d)]
+        for i in rng.permutation(4):
+            name, first, second, point = joints[i]
+            m.add_revolute(name, first, second, point=point)
+        with pytest.raises(pt.errors.ArgumentError, match="A = 2"):
+            m.assemble(rates={"A": 2.0}, coordinates=coordinates)
+        state = m.assemble(rates={"D": 2.0}, coordinates=coordinates)
+        assert np.abs(state.v).max() < 10 * 2.0 * far / coupler

@@ -8,7 +8,7 @@ use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
 use partita_system::branching::branch_directions::{selection, Asked};
-use partita_system::kinematics::velocity::{met, momentum, near_with_rates, possible, pushed_with_rates};
+use partita_system::kinematics::velocity::{met, momentum, near_with_rates, possible, pushed_with_rates, unlocked};
 use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::{start, SystemError};
@@ -75,6 +75,10 @@ pub fn with_rates(
     if rows.is_empty() {
         return Ok(v);
     }
+    let largest = |v: &[f64]| {
+        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / model.characteristic_displacement(i)))
+    };
+    let given = largest(&v);
     let (n, mut s, mut room) = (v.len(), model.scratch(), vec![0.0; v.len()]);
     let gradients: Vec<Vec<f64>> = rows.iter().map(|(x, _)| gradient(model, q, x, &mut room, &mut s)).collect();
     // the response to an impulse along each of them: the projection of M^-1 g
@@ -123,7 +127,7 @@ pub fn with_rates(
     }
     let speed = |x: &Target, rate: f64| rate.abs() / x.displacement;
     let asked = rows.iter().fold(0.0, |m: f64, (x, rate)| m.max(speed(x, *rate)));
-    let fastest = (0..n).fold(asked, |m: f64, i| m.max(v[i].abs() / model.characteristic_displacement(i)));
+    let fastest = asked.max(largest(&v));
     let miss = |i: usize| dense::dot(&gradients[i], &v) - rows[i].1;
     let met = met(&mut r);
     if (0..p).any(|i| speed(rows[i].0, miss(i)) > met * fastest) {
@@ -138,5 +142,8 @@ pub fn with_rates(
         );
         return Err(SystemError::argument("rates", message));
     }
-    Ok(v)
+    let of_rows = rows.iter().map(|(x, rate)| (x.name.clone(), *rate));
+    let named: Vec<(String, f64)> =
+        of_rows.chain(own.iter().map(|&(i, rate)| (model.velocity_name(i), rate))).collect();
+    unlocked(model, t, &named, asked.max(given), v)
 }

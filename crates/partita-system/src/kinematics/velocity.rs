@@ -87,7 +87,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
     if r.by_clusters() {
         let (v, got) = r.least_energy(momentum, rates)?;
         let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > met * (1.0 + w.abs()));
-        return if off { Err(failed(&got)) } else { unlocked(&*r.system, t, rates, fastest, v) };
+        return if off { Err(failed(&got)) } else { unlocked(&*r.system, t, &named(&*r.system, rates), fastest, v) };
     }
     r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.b)?;
     let n = gamma.len();
@@ -147,7 +147,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
     }
     dense::cholesky_backward(&md, k, &mut y);
     r.spread(&y);
-    unlocked(&*r.system, t, rates, fastest, r.v.clone())
+    unlocked(&*r.system, t, &named(&*r.system, rates), fastest, r.v.clone())
 }
 
 /// M v.
@@ -173,11 +173,20 @@ pub fn momentum<S: ConstrainedSystem>(
     Ok(with)
 }
 
-/// `v`, unless a requested rate needs velocities that cannot be distinguished from infinite ones.
-fn unlocked<S: ConstrainedSystem>(
+/// Rates of velocities with their names.
+fn named<S: ConstrainedSystem>(system: &S, rates: &[(usize, f64)]) -> Vec<(String, f64)> {
+    rates.iter().map(|&(i, rate)| (system.velocity_name(i), rate)).collect()
+}
+
+/// `v`, unless a requested rate needs velocities that cannot be distinguished from infinite ones; `fastest` is the
+/// largest of the rates that are requested or prescribed, in characteristic displacements.
+///
+/// # Errors
+/// `Argument`, with the rates.
+pub fn unlocked<S: ConstrainedSystem>(
     system: &S,
     t: f64,
-    rates: &[(usize, f64)],
+    rates: &[(String, f64)],
     fastest: f64,
     v: Vec<f64>,
 ) -> Result<Vec<f64>, SystemError> {
@@ -186,7 +195,7 @@ fn unlocked<S: ConstrainedSystem>(
     if fastest == 0.0 || tolerance::SINGULAR_PIVOT * speed(top) <= fastest {
         return Ok(v);
     }
-    let asked: Vec<String> = rates.iter().map(|&(i, rate)| format!("{} = {rate}", system.velocity_name(i))).collect();
+    let asked: Vec<String> = rates.iter().map(|(name, rate)| format!("{name} = {rate}")).collect();
     Err(SystemError::argument(
         "rates",
         format!(
