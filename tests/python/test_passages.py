@@ -221,3 +221,71 @@ def test_a_passage_in_the_first_step_is_reported(coordinates: str, beside: float
         # without forces crank and rocker go on as they went
         turned = [np.ptp(run.joint(name).position[:, 0]) for name in "AD"]
         assert np.abs(np.array(turned) - 0.6).max() < 100 * (rtol + ROUNDING)
+
+
+def parallelogram(angle: float, crank: float = 0.3, base: float = 0.7) -> pt.Mechanism:
+    """Without gravity: it turns evenly, through a flat position at each half turn."""
+    m = pt.Mechanism("parallelogram", gravity=(0, 0, 0))
+    b = (crank * math.cos(angle), crank * math.sin(angle), 0.0)
+    c = (base + b[0], b[1], 0.0)
+    rods = [
+        m.add_rod("crank", start=(0, 0, 0), end=b, mass=1.0),
+        m.add_rod("coupler", start=b, end=c, mass=2.0),
+        m.add_rod("rocker", start=(base, 0, 0), end=c, mass=1.5),
+    ]
+    for name, one, other, point in (
+        ("A", m.ground, rods[0], (0, 0, 0)),
+        ("B", rods[0], rods[1], b),
+        ("C", rods[1], rods[2], c),
+        ("D", m.ground, rods[2], (base, 0, 0)),
+    ):
+        m.add_revolute(name, one, other, point=point)
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("beside", [3e-2, 5e-3, 1e-3, 1e-4, 3e-5, 1e-6, 1e-9, 0.0, -1e-9, -1e-6, -1e-4, -1e-2])
+def test_a_run_may_end_beside_a_passage(coordinates: str, beside: float) -> None:
+    m, t0, end = parallelogram(1.1), 0.7, math.pi - 1.1 - beside
+    start = m.assemble(rates={"A": 1.0}, coordinates=coordinates, t=t0)
+    for outputs in (2, 50):
+        t = t0 + np.linspace(0, end, outputs)
+        run = m.simulate(end, t_eval=t, initial=start, coordinates=coordinates, max_steps=2000)
+        assert run.success, run.message
+        assert run.t[-1] == t[-1]
+        # what is off by the tolerance and by rounding, over the distance where that is not interpolated
+        assert abs(run.joint("A").position[-1, 0] - run.joint("A").position[0, 0] - end) < 1e-6
+        assert abs(run.joint("D").velocity[-1, 0] - 1.0) < 1e-6
+        if abs(beside) > 1e-5:  # where the position lies is known that well
+            assert crossed(run) == (beside < 0)
+
+
+def test_a_run_that_cannot_be_evaluated_after_its_end_ends_beside_a_passage() -> None:
+    for beside in (1e-2, 1e-3):
+        m, end = parallelogram(1.1), math.pi - 1.1 - beside
+        m.add_torque("A", ([0.0, end], [0.0, 0.0]))
+        run = m.simulate(end, initial=m.assemble(rates={"A": 1.0}), t_eval=[0.0, end], max_steps=2000)
+        assert run.success, run.message
+        assert abs(run.joint("A").position[-1, 0] - end) < 1e-6
+
+
+def test_any_end_beside_any_passage_is_reached() -> None:
+    rng = np.random.default_rng(20)
+    chain = pt.catalogue.load("n-four-bar", loops=3)
+    start = chain.assemble(rates={"P0": -1.0})
+    long = chain.simulate(6.0, initial=start)
+    for zero in times_of(long)[:3]:
+        for beside in rng.choice([-1.0, 1.0], 3) * 10 ** rng.uniform(-7, -1.5, 3):
+            t = [0.0, zero - beside]
+            run = chain.simulate(t[-1], t_eval=t, initial=start, max_steps=3000)
+            inside = chain.simulate(6.0, t_eval=[*t, 6.0], initial=start)
+            assert run.success, (zero, beside, run.message)
+            assert np.abs(run.v[-1] - inside.v[1]).max() < 1e-4, (zero, beside)
+    # the ends of ticks: those next to the position are refused by name, the others reached
+    for beside in (3e-2, 1e-3):
+        m = parallelogram(1.1)
+        end = math.pi - 1.1 - beside
+        sim = m.stepper(end / 4, initial=m.assemble(rates={"A": 1.0}))
+        for _ in range(8):
+            sim.step()
+        assert abs(sim.joint("A").position - 2 * end) < 1e-6

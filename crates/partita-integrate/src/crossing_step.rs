@@ -154,6 +154,15 @@ impl CrossingStep {
         self.t_end = t_end;
     }
 
+    /// End at `t_end` at the latest: the step that was planned is tried again within this.
+    pub fn end_by(&mut self, t_end: f64) {
+        let rest = t_end - self.t_old;
+        for length in self.lengths.iter_mut().chain([&mut self.longest]) {
+            (length.shortest, length.longest) = (length.shortest.min(rest), length.longest.min(rest));
+        }
+        self.t_end = t_end;
+    }
+
     /// The attempted step crosses the positions at `zeros`: plan another one if one of them lies close to a node. True if
     /// so.
     pub fn aim_again(&mut self, zeros: &[f64]) -> bool {

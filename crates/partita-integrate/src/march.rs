@@ -2,6 +2,7 @@
 
 mod outputs;
 
+use outputs::OUTPUTS_BESIDE;
 pub use outputs::{Outputs, Sink};
 
 use crate::counters::Counters;
@@ -14,8 +15,8 @@ use crate::options::{AbsoluteTolerance, Options, OptionsError};
 use crate::singular_times;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use partita_math::tolerance;
-use partita_system::error::CrossingOutcome;
 use partita_system::breakpoints::Passing;
+use partita_system::error::CrossingOutcome;
 use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
 use partita_system::guards::Look;
 use partita_system::record::Output;
@@ -277,7 +278,12 @@ impl March {
         self.crosses = pace.across.is_some();
         if let Some(across) = pace.across {
             self.crossing.replace_start(from.t_old, from.y_old, from.dy_old);
-            self.crossing.aim(across.zero, (across.whole, across.longest), across.tries, from.t_end);
+            // an output next to the position is taken from both sides of it
+            let beside = across.whole * OUTPUTS_BESIDE;
+            let free = matches!(self.control, Control::Free { .. });
+            let beyond = free && (from.t_end - across.zero).abs() < beside;
+            let end = if beyond { f64::INFINITY } else { from.t_end };
+            self.crossing.aim(across.zero, (across.whole, across.longest), across.tries, end);
         } else {
             let goal = formulation.breakpoint_ahead(pace.next, self.tolerance);
             self.stepper.plan(&StepPlan { length: pace.next, goal });
@@ -425,6 +431,7 @@ impl March {
             let mut verdict = Verdict::Keep;
             let free = self.free;
             let attempted = self.attempt(formulation);
+            let beyond = self.ends_beyond();
             let stepper = self.active();
             let concluded = attempted.and_then(|()| {
                 stepper.conclude(&mut |t, y, dy, known| {
@@ -441,6 +448,11 @@ impl March {
             match concluded {
                 Ok(Conclusion::Done) => {}
                 Ok(Conclusion::Rejected) => continue,
+                // what acts may not be given beyond the end
+                Err(StepFailure::Rhs { .. }) if beyond => {
+                    self.crossing.end_by(self.stepper.current().t_end);
+                    continue;
+                }
                 // a step across a singular position has one length; the formulation decides on another
                 Err(StepFailure::TooSmall { .. }) if crosses => verdict = Verdict::Repeat,
                 Err(failure) => return Err(failure),
@@ -494,6 +506,11 @@ impl March {
                 }
                 Err(failure) => return Err(failure),
             }
+            let t_end = self.stepper.current().t_end;
+            let beyond = self.crosses && self.crossing.current().t_new > t_end;
+            if beyond {
+                self.crossing.interpolate(&mut Adapter(formulation), t_end, &mut self.y)?;
+            }
             self.active().commit();
             match self.crosses {
                 true => {
@@ -502,7 +519,13 @@ impl March {
                 }
                 false => self.proposed = self.stepper.current().next,
             }
-            return self.commit(formulation, verdict);
+            let turns = beyond.then(|| self.output.turns.clone());
+            self.commit(formulation, verdict)?;
+            if let Some(turns) = turns {
+                self.output.turns = turns;
+                self.stepper.replace_start(t_end, &self.y, self.crossing.current().dy_old);
+            }
+            return Ok(());
         }
     }
 
@@ -568,6 +591,7 @@ impl March {
         }
     }
 
+<<<<<<< HEAD
     /// Apply a verdict at the current state: the end of an accepted step, or its start.
     fn commit<F: Formulation>(
         &mut self,
@@ -593,6 +617,8 @@ impl March {
             self.stepper.set_reference(formulation.checks().exchanged());
         }
         if free {
+=======
+>>>>>>> 8e98d912 (End a run beside a singular position)
     /// Evaluate the dense output of the concluded step at t. False where that cannot be, and a shorter step is tried.
     fn sees<F: Formulation>(&mut self, formulation: &mut F, t: f64) -> Result<bool, StepFailure<SystemError>> {
         let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
@@ -617,10 +643,32 @@ impl March {
         self.crosses && self.crossing.current().t_end > self.stepper.current().t_end
     }
 
+    /// Apply a verdict at the current state: the end of an accepted step, or its start.
+    fn commit<F: Formulation>(
+        &mut self,
+        formulation: &mut F,
+        verdict: Verdict,
+    ) -> Result<(), StepFailure<SystemError>> {
+        let step = self.stepper.current();
+        let t = step.t_old;
+        // at the end there is nothing to plan: what lies ahead may be too close to be crossed from there
+        let free = self.free && t < step.t_end;
+        self.buffer.copy_from_slice(step.y_old);
+        self.slope.copy_from_slice(step.dy_old);
+        let next = if self.crosses || verdict != Verdict::Repeat { self.proposed } else { step.next };
+        let mut pace = Pace { next, across: None };
+        let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
+        let located = self.searched.then_some(&self.located[..]);
+        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located };
+        let rewritten = formulation.commit(verdict, &mut step);
+        let now = step.t;
+        if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
+            self.stepper.replace_start(now, &self.buffer, &self.slope);
+            self.set_sizes(formulation);
+        }
+        if free {
             self.plan(formulation, pace);
         }
         Ok(())
     }
 }
-        // at the end there is nothing to plan: what lies ahead may be too close to be crossed from there
-        let free = self.free && t < step.t_end;

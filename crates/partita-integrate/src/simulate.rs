@@ -87,7 +87,9 @@ pub fn simulate<F: Formulation>(
         Ok(status) => (status, sentence(status, t, settings), None),
         Err(failure) => explain(failure, t),
     };
-    Ok(Outcome { status, message, t, counters, crossings: formulation.crossings(), error })
+    // a last step across a position next to the end may have passed others after it
+    let crossings = formulation.crossings().into_iter().filter(|zero| *zero <= t).collect();
+    Ok(Outcome { status, message, t, counters, crossings, error })
 }
 
 fn sentence(status: Status, t: f64, settings: &Settings) -> String {
@@ -106,13 +108,13 @@ fn is_singular(e: &SystemError) -> bool {
     is_of_a_position(e) || matches!(e, SystemError::Choice { .. })
 }
 
-/// The outcome of an integration that failed at t, in a word and in a sentence, and what failed.
-pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
 /// Whether the error explains why no step led beyond.
 fn says_why(e: &SystemError) -> bool {
     matches!(e, SystemError::Jump { .. } | SystemError::Jammed { .. }) || e.leaves_a_range()
 }
 
+/// The outcome of an integration that failed at t, in a word and in a sentence, and what failed.
+pub fn explain(failure: StepFailure<SystemError>, t: f64) -> (Status, String, Option<SystemError>) {
     let message = failure.to_string();
     match failure {
         StepFailure::TooSmall { last: Some(e), .. } if is_singular(&e) => {

@@ -13,7 +13,7 @@ pub type Sink<'s> = &'s mut dyn FnMut(&Output) -> Result<(), SystemError>;
 
 /// Outputs in singular positions are taken from others at this distance. Unit: fraction of the step. Reason: far enough
 /// for those to be exact, and so near that the polynomial through them is.
-const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
+pub(super) const OUTPUTS_BESIDE: f64 = 1.0 / 80.0;
 /// Places of those others on both sides. Unit: multiples of that distance. Reason: the polynomial through six is exact to
 /// the sixth power of it.
 const PLACES_BESIDE: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];

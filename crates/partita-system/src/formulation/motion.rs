@@ -233,6 +233,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         self.margin = self.tangent.margin();
         self.look_back(step.t);
         self.begin();
+        // what acts may have changed: no way leads back
+        self.monitor.checkpoints.clear();
         self.planned_from = true;
         let planned = self.plan_ahead(step).map(drop);
         self.planned_from = false;

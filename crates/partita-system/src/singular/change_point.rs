@@ -48,6 +48,8 @@ pub struct Crossing {
     tries: usize,
     /// Did velocities jump after one of them?
     jumped: bool,
+    /// How often the march was sent back before it.
+    returns: usize,
     /// When that is expected, at the latest.
     tried: Option<f64>,
     /// Singular position that no step crossed, perhaps a limit of the motion; ordinary steps go on towards it.
@@ -68,6 +70,7 @@ impl Default for Crossing {
             unsigned: None,
             tries: 0,
             jumped: false,
+            returns: 0,
             tried: None,
             barred: None,
             times: Vec::new(),
@@ -168,7 +171,7 @@ impl Crossing {
     }
 
     fn forget_tries(&mut self) {
-        (self.tries, self.jumped) = (0, false);
+        (self.tries, self.jumped, self.returns) = (0, false, 0);
     }
 
     /// The step from t failed to cross, its velocities `jumped` or its equations were not solved: by a shorter one from
@@ -316,10 +319,11 @@ impl Crossing {
             zero = t + ahead;
         }
         if self.is_too_close(ahead) {
-            if self.tries >= Self::ATTEMPTS {
+            if self.tries.max(self.returns) >= Self::ATTEMPTS {
                 return Advice::GiveUp { zero };
             }
             if let Some(to) = self.back(zero) {
+                self.returns += 1;
                 return Advice::Back { zero, to };
             }
         }

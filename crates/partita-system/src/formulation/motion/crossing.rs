@@ -494,7 +494,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// How the integration continues from (t, y).
     pub(super) fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
-        let Some(pace) = step.pace.take() else { return Ok(false) };
+        let Some(pace) = step.pace.take() else {
+            self.monitor.crosses_next = false;
+            return Ok(false);
+        };
         self.monitor.paced = true;
         let (rate, acceleration) = self.monitor.fastest;
         if self.tangent.seen().rank() > 0 && rate > 0.0 {
