@@ -591,34 +591,6 @@ impl March {
         }
     }
 
-<<<<<<< HEAD
-    /// Apply a verdict at the current state: the end of an accepted step, or its start.
-    fn commit<F: Formulation>(
-        &mut self,
-        formulation: &mut F,
-        verdict: Verdict,
-    ) -> Result<(), StepFailure<SystemError>> {
-        let step = self.stepper.current();
-        let t = step.t_old;
-        self.buffer.copy_from_slice(step.y_old);
-        self.slope.copy_from_slice(step.dy_old);
-        let next = if self.crosses || verdict != Verdict::Repeat { self.proposed } else { step.next };
-        let mut pace = Pace { next, across: None };
-        let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
-        let located = self.searched.then_some(&self.located[..]);
-        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located };
-        let rewritten = formulation.commit(verdict, &mut step);
-        let now = step.t;
-        if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
-            self.stepper.replace_start(now, &self.buffer, &self.slope);
-            self.set_sizes(formulation);
-        }
-        if self.observes {
-            self.stepper.set_reference(formulation.checks().exchanged());
-        }
-        if free {
-=======
->>>>>>> 8e98d912 (End a run beside a singular position)
     /// Evaluate the dense output of the concluded step at t. False where that cannot be, and a shorter step is tried.
     fn sees<F: Formulation>(&mut self, formulation: &mut F, t: f64) -> Result<bool, StepFailure<SystemError>> {
         let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
@@ -665,6 +637,9 @@ impl March {
         if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
             self.stepper.replace_start(now, &self.buffer, &self.slope);
             self.set_sizes(formulation);
+        }
+        if self.observes {
+            self.stepper.set_reference(formulation.checks().exchanged());
         }
         if free {
             self.plan(formulation, pace);
