@@ -16,7 +16,15 @@ from .case import Case, moved, off, rounded, shaken
 from .kinds import KINDS, Kind
 from .loads import Course, FunctionTorque, Law, Reading, TableCourse, TableForce, TableTorque, numbers
 
-METHODS = ("dop853", "dop853", "dop853", "dopri5", "tsit5", "adams")
+METHODS = ("dop853", "dopri5", "tsit5", "adams")
+FORMULATIONS = ("wehage-haug", "explicit-closing", "multipliers", "sparse-multipliers", "range-space", "svd", "qr",
+                "zero-eigenvalue", "gram-schmidt", "tangent-space")  # fmt: skip
+OTHERWISE = (
+    {"correction": "kantorovich"}, {"correction": "mass-orthogonal"}, {"selection": "greedy"},
+    {"selection": "geometric"}, {"selection": "persistence", "window": 0.05}, {"switch_threshold": 1.0},
+    {"switch_threshold": 3.0}, {"compiled": True}, {"compiled": False},
+)  # fmt: skip
+"""Options that no motion depends on."""
 TOLERANCES = (1e-6, 1e-6, 1e-8)
 
 
@@ -24,7 +32,8 @@ TOLERANCES = (1e-6, 1e-6, 1e-8)
 class Ranges:
     """How far chance goes. `error`: of drawings, as a power of ten; `narrow`: of features, as a fraction of what they
     are read at (a turn, the time of the run); `exact`: the part of drawings that have no error; `starts`: times at
-    which a run begins, `rest`: those of a run from rest; `large`: drawings of more bodies have no error."""
+    which a run begins, `rest`: those of a run from rest; `large`: drawings of more bodies have no error;
+    `options`: whether other formulations and rules of choice are drawn as well."""
 
     error: tuple[float, float] = (-12.0, -9.0)
     narrow: tuple[float, float] = (-1.5, -0.5)
@@ -32,12 +41,13 @@ class Ranges:
     starts: tuple[float, ...] = (0.0, 0.3, -5.0)
     rest: tuple[float, ...] = (0.0,)
     large: int = 5
+    options: bool = False
 
 
 TEST = Ranges()
-MID = Ranges(error=(-12.0, -9.0), narrow=(-3.0, -0.5), exact=0.7)
+MID = Ranges(error=(-12.0, -9.0), narrow=(-3.0, -0.5), exact=0.7, options=True)
 EVER = (0.0, 0.3, -5.0, 1e3, 1e6)
-WIDE = Ranges(error=(-12.0, -4.0), narrow=(-3.0, -0.5), exact=0.35, starts=EVER, rest=EVER, large=99)
+WIDE = Ranges(error=(-12.0, -4.0), narrow=(-3.0, -0.5), exact=0.35, starts=EVER, rest=EVER, large=99, options=True)
 
 
 class Chance:
@@ -315,6 +325,10 @@ def case(seed: int, ranges: Ranges = TEST) -> Case:
         options["method"] = str(rng.choice(METHODS))
     if rng.random() < 0.4:
         options["coordinates"] = "absolute"
+    if ranges.options and rng.random() < 0.25:
+        options["formulation"] = str(rng.choice(FORMULATIONS))
+    elif ranges.options and rng.random() < 0.3:
+        options |= OTHERWISE[int(rng.integers(len(OTHERWISE)))]
     made_case = Case(
         d, exact, error, mobility, tuple(rates.items()), 0.0, duration, made.finest, pace, options,
         int(rng.choice([2, 2, 7, 101])), seed, tuple(nudged),

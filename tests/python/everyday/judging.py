@@ -1,7 +1,8 @@
 """One case judged: right, refused with its cause, or wrong with success.
 
 A reference of the same case takes steps too short to miss anything; a third run, started a little faster, says how much
-a motion magnifies errors. What magnifies them beyond `CHAOS` is not compared.
+a motion magnifies errors. What magnifies them beyond `CHAOS`, or so much that more than `SENSITIVE` had to be allowed,
+is not compared.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ ALLOWED = 100.0
 """Times the tolerance and the growth: what the step control promises, added up over a run."""
 NUDGE = 1e-5
 """Of the pace, at the start."""
-CHAOS = 50.0
+CHAOS, SENSITIVE = 50.0, 2e-3
 DRAWN_OFF = 100.0
 """Times the error of a drawing and the growth."""
 MOST_STEPS = 20_000
@@ -136,6 +137,7 @@ def crosses(found: Any) -> bool:
 
 
 CAUSES = {
+    "not by this formulation": r"ArgumentError: (\"[a-z-]+\"|explicit closing) (parametr|integrates|computes|works)",
     "left a table": r"outside \[",
     "whole turns not known": r"within half a turn",
     "more steps than allowed": r"max-steps|steps before",
@@ -182,13 +184,17 @@ def judge(c: Case, only: Iterable[str] | None = None, few: int | None = None) ->
             try:
                 CHECKS[name](judged)
             except Refused as error:
-                cause = cause_of(str(error))
-                verdict.counts[f"{name} refused: {cause}"] += 1
-                if cause not in MAY_REFUSE:
-                    verdict.wrong.append(f"{name}: refused though the case runs: {error}")
+                refused(name, error, verdict)
             except pt.errors.PartitaError as error:
-                verdict.wrong.append(f"{name}: {type(error).__name__}: {error}")
+                refused(name, error, verdict)
     return verdict
+
+
+def refused(check: str, error: Exception, verdict: Verdict) -> None:
+    cause = cause_of(str(error))
+    verdict.counts[f"{check} refused: {cause}"] += 1
+    if cause not in MAY_REFUSE:
+        verdict.wrong.append(f"{check}: refused though the case runs: {error}")
 
 
 def prepared(c: Case, rng: Any, verdict: Verdict) -> Judged | None:
@@ -229,7 +235,7 @@ def prepared(c: Case, rng: Any, verdict: Verdict) -> Judged | None:
         # with the dimensions of such a drawing branches that meet in the exact one may pass each other
         verdict.counts["crosses a singular position, inexact"] += 1
         return None
-    if growth > CHAOS:
+    if growth > CHAOS or judged.allowed > SENSITIVE:
         verdict.counts["chaotic"] += 1
         return None
     verdict.counts["compared"] += 1
