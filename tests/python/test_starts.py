@@ -62,7 +62,7 @@ def test_a_rate_off_its_constraint_is_where_the_run_starts() -> None:
     run = m.simulate(0.3, initial=start, **TIGHT)
     other = m.simulate(0.3, initial=again(run, s), **TIGHT)
     assert run.success and np.abs(run.q - other.q).max() < 1e-12
-    assert any("velocities moved by up to" in note for note in run.notes)
+    assert any("velocities by up to" in note for note in run.notes)
 
 
 def test_steppers_and_ensembles_start_closed_too() -> None:

@@ -50,7 +50,7 @@ pub enum StepFailure<E: Display> {
     },
 }
 
-/// From here on a message says how far times lie apart. Unit: s. Reason: there it is a tenth of a nanosecond, and the
+/// From here on a message says how far times lie apart. Scale: s. Reason: there it is a tenth of a nanosecond, and the
 /// shortest step a thousand million times as long as near 0.
 const TIMES_FAR: f64 = 1e6;
 

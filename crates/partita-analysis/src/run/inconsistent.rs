@@ -124,12 +124,12 @@ pub(super) fn note<S: ConstrainedSystem>(
             let by = largest(names.zip(v.iter().zip(rates).map(|(x, y)| (y - x).abs())));
             let far = q.iter().zip(closed).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
             let position = match violated {
-                true if far > 0.0 => format!("positions moved by up to {}, ", formatted(far)),
+                true if far > 0.0 => format!("positions by up to {}, ", formatted(far)),
                 true => "positions kept, because the options correct none, ".into(),
                 false => String::new(),
             };
             format!(
-                "the run starts from the corrected state: {position}velocities moved by up to {} ({})",
+                "the run starts from the corrected state: {position}velocities by up to {} ({})",
                 formatted(by.1),
                 by.0
             )
