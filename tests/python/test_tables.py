@@ -152,3 +152,21 @@ def test_poses_about_many_axes_have_continuous_rates() -> None:
     assert found.success and found.certificate.verdict == "valid"
     rates = found.joint("S").velocity[1:]
     assert np.max(np.abs(rates[1::2] - rates[0::2])) < 1e-4
+
+
+@pytest.mark.parametrize("level", ["position", "velocity"])
+@pytest.mark.parametrize("method", ["dop853", "tsit5", "dopri5"])
+def test_a_table_of_a_drive_costs_a_step_for_a_sample(level: str, method: str) -> None:
+    """Accelerations jump at every sample: steps end there, take what acts before it, and go on with what acts after."""
+    t = np.linspace(0.0, 3.0, 91)
+    for coordinates in ("relative", "absolute"):
+        m = pt.Mechanism("rod", gravity=None)
+        m.add_rod("rod", (0, 0, 0), (1, 0, 0), 1.0)
+        m.add_revolute("A", m.ground, "rod", (0, 0, 0))
+        m.add_drive("A", **{level: (t, np.sin(2.0 * t))})
+        run = m.simulate(3.0, t_eval=np.linspace(0.0, 3.0, 301), rtol=1e-8, method=method, coordinates=coordinates)
+        assert run.success and run.certificate.verdict == "valid"
+        assert run.counters["steps"] < 3 * t.size and run.counters["rejected"] < t.size
+        if level == "velocity":
+            rates = np.interp(run.t, t, np.sin(2.0 * t))
+            assert np.abs(run.joint("A").velocity[:, 0] - rates).max() < 1e-9

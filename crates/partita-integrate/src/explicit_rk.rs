@@ -63,6 +63,8 @@ pub struct ExplicitRungeKutta {
     /// Whether the slopes have a corner at `goal`, and at `t_old`.
     corner_ahead: bool,
     corner_behind: bool,
+    /// When the slope at the start was evaluated: before a jump, if a step ended there.
+    sloped_at: f64,
     y_old: Vec<f64>,
     y_new: Vec<f64>,
     y_stage: Vec<f64>,
@@ -126,6 +128,7 @@ impl ExplicitRungeKutta {
             goal: None,
             corner_ahead: false,
             corner_behind: false,
+            sloped_at: 0.0,
             y_old: vector(),
             y_new: vector(),
             y_stage: vector(),
@@ -208,6 +211,15 @@ impl ExplicitRungeKutta {
         beside.copied().find(|c| (c - t).abs() <= tolerance::SUM_ROUNDING * t.abs()).unwrap_or(t)
     }
 
+    /// Where a step to t_new is evaluated at its end: where its slopes may jump, before that.
+    fn before_jumps(&self, t_new: f64, h: f64) -> f64 {
+        let jumps = || self.options.discontinuities.binary_search_by(|c| c.total_cmp(&t_new)).is_ok();
+        match self.grid.is_none() && ((self.goal == Some(t_new) && !self.corner_ahead) || jumps()) {
+            true => t_new - self.direction * f64::EPSILON * t_new.abs().max(h.abs()),
+            false => t_new,
+        }
+    }
+
     /// The first discontinuity ahead, if one comes before the end.
     fn next_discontinuity(&self) -> Option<f64> {
         let (discontinuities, t) = (&self.options.discontinuities, self.t_old);
@@ -226,6 +238,7 @@ impl ExplicitRungeKutta {
         t_new: f64,
     ) -> Result<(), (f64, RhsError<E>)> {
         let (n, dim, c) = (self.stride, self.dim, self.tableau.c);
+        let t_new = self.before_jumps(t_new, h);
         if let Some(memory) = &mut self.memory {
             memory.prepare(self.t_old, h, self.method.to_mut());
         }
@@ -279,8 +292,7 @@ impl ExplicitRungeKutta {
 impl<E: Display> Stepper<E> for ExplicitRungeKutta {
     fn start(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, y: &[f64], t_end: f64) -> Result<(), StepFailure<E>> {
         assert_eq!(ode.dim(), self.dim, "the stepper was made for another dimension");
-        self.t_old = t;
-        self.t_new = t;
+        (self.t_old, self.t_new, self.sloped_at) = (t, t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.y_new[..self.dim].copy_from_slice(y);
         self.phase = Phase::Ready;
@@ -317,6 +329,14 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             if t_new == self.t_old {
                 let h = self.step;
                 return Err(StepFailure::TooSmall { t: t_new, h, last: obstacle });
+            }
+            if self.sloped_at != self.t_old {
+                let (t, dim) = (self.t_old, self.dim);
+                self.counters.evaluations += 1;
+                match ode.rhs(t, &self.y_old[..dim], &mut self.stages[..dim]) {
+                    Ok(()) => self.sloped_at = t,
+                    Err(RhsError::Retry(error) | RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
+                }
             }
             match self.stages(ode, h, t_new) {
                 Ok(()) => {}
@@ -360,7 +380,8 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
 
     fn conclude(&mut self, end: StepEnd<'_, E>) -> Result<Conclusion, StepFailure<E>> {
         assert_eq!(self.phase, Phase::Attempted, "attempt a step first");
-        let (h, t, dim) = (self.attempted_h, self.t_new, self.dim);
+        let (h, dim) = (self.attempted_h, self.dim);
+        let t = self.before_jumps(self.t_new, h);
         let begin = self.tableau.end_slot() * self.stride;
         let slope = &mut self.stages[begin..begin + dim];
         match end(t, &mut self.y_new[..dim], slope, self.tableau.fsal) {

@@ -171,6 +171,21 @@ impl Breakpoints {
         None
     }
 
+    /// The instant at which the reading is at a breakpoint, found at t on an interval of length h: of time, the breakpoint
+    /// itself. A step that ends a rounding beside it begins on the wrong side of a jump.
+    fn instant(&self, t: f64, h: f64) -> f64 {
+        if self.reads != Reads::Time {
+            return t;
+        }
+        let i = self.breaks.partition_point(|k| *k < t);
+        let beside = self.breaks[i.saturating_sub(1)..(i + 1).min(self.breaks.len())].iter().copied();
+        let nearest = beside.min_by(|a, b| (a - t).abs().total_cmp(&(b - t).abs())).unwrap_or(t);
+        match (nearest - t).abs() <= tolerance::SUM_ROUNDING * (t.abs() + h) {
+            true => nearest,
+            false => t,
+        }
+    }
+
     /// How far a reading goes at most, to and fro over the curve, where the mechanism moves that far.
     fn most(&self, moves: f64) -> f64 {
         self.spacing * self.jumps.len() as f64 * moves
@@ -367,7 +382,7 @@ impl Watched {
         }
         for (n, ends) in samples.windows(2).enumerate() {
             let (h, shown) = (ends[1].t - ends[0].t, |t: f64| (t - first.t) / length);
-            let mut found: Option<(f64, bool)> = None;
+            let mut found: Option<(f64, f64, bool)> = None;
             for (i, breakpoints) in self.breakpoints.iter().enumerate() {
                 let part = [shown(ends[0].t), shown(ends[1].t)];
                 let step = Within { tolerance, travelled: self.travelled[i], part };
@@ -389,14 +404,14 @@ impl Watched {
                 } else {
                     continue;
                 };
-                if found.is_none_or(|(first, _)| at < first) {
-                    found = Some((at, known));
+                if found.is_none_or(|(first, ..)| at < first) {
+                    found = Some((at, breakpoints.instant(ends[0].t + at * h, h), known));
                 }
             }
             match found {
                 None => {}
-                Some((at, true)) => return Passing::Until(ends[0].t + at * h),
-                Some((at, false)) if self.used < MOST_PLACES => return Passing::At(ends[0].t + at * h),
+                Some((_, t, true)) => return Passing::Until(t),
+                Some((_, t, false)) if self.used < MOST_PLACES => return Passing::At(t),
                 Some(_) => return Passing::Until(ends[usize::from(n == 0)].t),
             }
         }
@@ -419,9 +434,9 @@ impl Watched {
             let then = Reading { x: now.x + h * (now.rate + 0.5 * h * bend), rate: now.rate + h * bend };
             let cubic = Cubic::new(h, (now.x, now.rate), (then.x, then.rate));
             let step = Within { tolerance, travelled: cubic.travelled(), part: [0.0, 1.0] };
-            Some(h * breakpoints.within(&cubic, &step)?)
+            Some(breakpoints.instant(start.t + h * breakpoints.within(&cubic, &step)?, h))
         };
-        self.breakpoints.iter().enumerate().filter_map(passes).reduce(f64::min).map(|after| start.t + after)
+        self.breakpoints.iter().enumerate().filter_map(passes).reduce(f64::min)
     }
 }
 

@@ -44,6 +44,9 @@ impl StepControl for ExplicitRungeKutta {
         self.corner_behind &= t == self.t_old;
         // whole turns and times of drives are rewritten at each step; slopes of the same motion remain
         let continues = t == self.t_old && self.stages[..self.dim] == *dy;
+        if t != self.t_old {
+            self.sloped_at = t;
+        }
         (self.t_old, self.t_new) = (t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.stages[..self.dim].copy_from_slice(dy);
@@ -58,6 +61,7 @@ impl StepControl for ExplicitRungeKutta {
         let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
         // what happens where a step was to end, the method does not know: its slopes may jump there
         let changes = self.goal == Some(self.t_new) || self.options.discontinuities.contains(&self.t_new);
+        self.sloped_at = self.before_jumps(self.t_new, self.attempted_h);
         self.corner_behind = self.corner_ahead && self.goal == Some(self.t_new);
         self.corner_ahead = false;
         let cut = self.t_new != self.t_old + self.step * self.direction;
