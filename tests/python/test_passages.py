@@ -202,10 +202,11 @@ def test_a_stop_at_a_passage_advises_what_a_step_of_the_run_has_shown() -> None:
     place = r"t = (13\.56|14\.25)\d*, where branches meet \(h5\.. depends on the other constraints"
     assert re.search(place, run.message)
     advised = re.search(
-        r"of 9 steps across it misses by [\d.]+ times the tolerance.*repeat with rtol = (1e-\d+)", run.message
+        r"of (\d+) steps across it misses by [\d.]+ times the tolerance.*repeat with rtol = (1e-\d+)", run.message
     )
-    assert advised, run.message
-    rtol = float(advised.group(1))
+    # how many positions it was tried from hangs on rounding
+    assert advised and int(advised.group(1)) > 4, run.message
+    rtol = float(advised.group(2))
     again = m.simulate(15.0, initial=start, rtol=rtol, atol=0.01 * rtol, t_eval=[0.0, 15.0])
     assert again.success and crossed(again) == 5
 

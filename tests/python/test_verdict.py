@@ -254,9 +254,7 @@ def test_a_gyro_pair_rests_in_its_own_equilibrium() -> None:
 
 
 @pytest.mark.parametrize("ending", ["json", "csv"])
-def test_no_run_is_both_successful_and_invalid(
-    ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_run_is_both_successful_and_invalid(ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What a certificate finds beyond the checks of the run ends its success, also in what is stored."""
     m = pt.catalogue.load("four-bar")
     run = m.simulate(0.1)

@@ -140,6 +140,9 @@ pub struct March {
 
 /// Attempts for each step of a tick: a choice of coordinates that has become poor is renewed and the step repeated.
 const ATTEMPTS: u32 = 4;
+/// Attempts at one step whose length is free. Reason: halving alone takes some fifty from any length to rounding, and each
+/// guard or breakpoint one; more of them get nowhere.
+const MOST_ATTEMPTS: u32 = 1000;
 
 /// Largest relative tolerance that is advised. Scale: relative. Reason: two digits are the least that a run is worth.
 const LOOSEST: f64 = 1e-2;
@@ -395,7 +398,7 @@ impl March {
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Status, StepFailure<SystemError>> {
         let mut attempts = match self.control {
-            Control::Free { .. } => u32::MAX,
+            Control::Free { .. } => MOST_ATTEMPTS,
             Control::Ticks { steps } => ATTEMPTS * steps,
         };
         while !self.stepper.current().finished() {
@@ -419,14 +422,15 @@ impl March {
         outputs: &mut Outputs,
         attempts: &mut u32,
     ) -> Result<(), StepFailure<SystemError>> {
+        if let Control::Free { .. } = self.control {
+            *attempts = MOST_ATTEMPTS;
+        }
         loop {
-            if let Control::Ticks { .. } = self.control {
-                if *attempts == 0 {
-                    let step = self.stepper.current();
-                    return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last: None });
-                }
-                *attempts -= 1;
+            if *attempts == 0 {
+                let step = self.stepper.current();
+                return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last: None });
             }
+            *attempts -= 1;
             let crosses = self.crosses;
             let mut verdict = Verdict::Keep;
             let free = self.free;
@@ -566,6 +570,9 @@ impl March {
         loop {
             match formulation.guard(self.tolerance, self.free) {
                 Look::Clear => return Ok(true),
+                Look::Crossed { .. } if self.crosses => return self.cross_otherwise(formulation),
+                // it ends there as exactly as times can say
+                Look::Crossed { t, .. } if self.ends_at(t) => return Ok(true),
                 Look::Crossed { t, .. } => {
                     self.active().end_at_corner(t);
                     return Ok(false);
@@ -581,6 +588,7 @@ impl March {
         loop {
             match formulation.breakpoint_within(self.tolerance) {
                 Passing::Clear => return Ok(true),
+                Passing::Until(_) if self.crosses => return self.cross_otherwise(formulation),
                 Passing::Until(t) => {
                     self.active().end_at(t);
                     return Ok(false);
@@ -589,6 +597,18 @@ impl March {
                 Passing::At(_) => return Ok(false),
             }
         }
+    }
+
+    /// Whether the concluded step ends at t, except for rounding of times.
+    fn ends_at(&mut self, t: f64) -> bool {
+        (self.active().current().t_new - t).abs() <= tolerance::SUM_ROUNDING * t.abs()
+    }
+
+    /// Reject a step across a singular position inside which something acts abruptly; the formulation decides on another.
+    fn cross_otherwise<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
+        self.crossing.reject(0.5);
+        self.commit(formulation, Verdict::Repeat)?;
+        Ok(false)
     }
 
     /// Evaluate the dense output of the concluded step at t. False where that cannot be, and a shorter step is tried.

@@ -141,7 +141,8 @@ impl Breakpoints {
                 }
                 // next to an end of the step its effect is negligible, and it cannot end there
                 let part = step.part[0] + low * (step.part[1] - step.part[0]);
-                if step.is_felt(&self.jumps[i], step.travelled * part.min(1.0 - part)) {
+                let inside = part.min(1.0 - part);
+                if inside > step.rounding && step.is_felt(&self.jumps[i], step.travelled * inside) {
                     return Some(low);
                 }
             }
@@ -240,9 +241,16 @@ struct Within {
     travelled: f64,
     /// Fractions of the step where it begins and ends.
     part: [f64; 2],
+    /// Part of the step that is lost in the rounding of its times.
+    rounding: f64,
 }
 
 impl Within {
+    /// How much of a step of this length times distinguish.
+    fn rounding(t: f64, length: f64) -> f64 {
+        tolerance::SUM_ROUNDING * t.abs() / length
+    }
+
     /// Whether a breakpoint is felt over a distance past it.
     fn is_felt(&self, jumps: &[f64; 4], d: f64) -> bool {
         lost(jumps, d) > tolerance::NEGLIGIBLE_ERROR * self.tolerance
@@ -385,7 +393,8 @@ impl Watched {
             let mut found: Option<(f64, f64, bool)> = None;
             for (i, breakpoints) in self.breakpoints.iter().enumerate() {
                 let part = [shown(ends[0].t), shown(ends[1].t)];
-                let step = Within { tolerance, travelled: self.travelled[i], part };
+                let rounding = Within::rounding(last.t, length);
+                let step = Within { tolerance, travelled: self.travelled[i], part, rounding };
                 let (at, known) = if ends[0].shows(&ends[1], breakpoints.reads) {
                     let cubic = breakpoints.cubic(h, ends[0].readings[i], ends[1].readings[i]);
                     let off = match breakpoints.reads {
@@ -433,7 +442,8 @@ impl Watched {
             let (now, bend) = (start.readings[i], self.bend[i]);
             let then = Reading { x: now.x + h * (now.rate + 0.5 * h * bend), rate: now.rate + h * bend };
             let cubic = Cubic::new(h, (now.x, now.rate), (then.x, then.rate));
-            let step = Within { tolerance, travelled: cubic.travelled(), part: [0.0, 1.0] };
+            let rounding = Within::rounding(start.t, h);
+            let step = Within { tolerance, travelled: cubic.travelled(), part: [0.0, 1.0], rounding };
             Some(breakpoints.instant(start.t + h * breakpoints.within(&cubic, &step)?, h))
         };
         self.breakpoints.iter().enumerate().filter_map(passes).reduce(f64::min)

@@ -20,6 +20,11 @@ pub enum CrossingOutcome {
         /// The relative tolerance that it meets.
         enough: f64,
     },
+    /// What acts has a breakpoint, or a contact begins and ends, inside every one of them.
+    Abrupt {
+        /// When.
+        at: f64,
+    },
 }
 
 /// Why a system could not be evaluated.
@@ -438,6 +443,11 @@ fn not_crossed(t: f64, tries: usize, row: &str, outcome: CrossingOutcome) -> Str
             "{place}: the most accurate of {tries} steps across it misses by {} times the tolerance, since next to the \
              position round-off is amplified; repeat with rtol = {enough:.0e}, for which that step is accurate enough",
             formatted(off)
+        ),
+        CrossingOutcome::Abrupt { at } => format!(
+            "{place}, and what acts changes abruptly at t = {}, inside {steps}; such a step follows smooth loads only: \
+             let the table, the stop or the contact act farther from that position",
+            six_digits(at)
         ),
     }
 }

@@ -258,10 +258,15 @@ impl GuardMonitor {
     /// Its side before and after an instant, positive or not.
     fn sides(&self, g: usize, at: &Sample, meets: f64) -> (bool, bool) {
         let GuardReading { x, rate, .. } = at.readings[g];
-        match x.abs() > meets * self.guards[g].size || rate == 0.0 {
+        match x.abs() > self.small(g, at, meets) || rate == 0.0 {
             true => (x >= 0.0, x >= 0.0),
             false => (rate < 0.0, rate > 0.0),
         }
+    }
+
+    /// A reading that is zero, as far as motions and times are known.
+    fn small(&self, g: usize, at: &Sample, meets: f64) -> f64 {
+        meets * self.guards[g].size + tolerance::SUM_ROUNDING * (at.t * at.readings[g].rate).abs()
     }
 
     fn is_hidden(&self, g: usize, meets: f64) -> bool {
@@ -278,7 +283,7 @@ impl GuardMonitor {
         }
         let (h, (one, two), ahead) = (to.t - from.t, (from.readings[g], to.readings[g]), self.sides(g, to, meets).0);
         // at rest on a guard it is on the side towards which it moves
-        let small = meets * self.guards[g].size;
+        let small = self.small(g, from, meets);
         let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + tolerance::TAKES_PART * two.x.abs();
         let after = if rests { ahead } else { after };
         let crosses = after != ahead;

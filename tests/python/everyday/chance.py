@@ -89,9 +89,9 @@ class Chance:
 
     def feature(self, start: float, end: float, low: float, high: float) -> tuple[Any, Any, float]:
         """Zero but for a bump, a step or a comb between `low` and `high`; and how wide its flanks are."""
-        reach = high - low
-        width = float(f"{reach * 10.0 ** self.rng.uniform(*self.ranges.narrow):.2g}")
-        c = self.number(low + 0.1 * reach, high - 0.1 * reach)
+        extent = high - low
+        width = float(f"{extent * 10.0 ** self.rng.uniform(*self.ranges.narrow):.2g}")
+        c = self.number(low + 0.1 * extent, high - 0.1 * extent)
         what = self.one(["bump", "bump", "step", "comb"])
         if what == "step":
             x, y = [start, c - 0.5 * width, c + 0.5 * width, end], [0.0, 0.0, 1.0, 1.0]
@@ -182,8 +182,8 @@ class Chance:
         if what == "swing":
             swing = self.effort * self.number(-0.5, 0.5), self.number(1.0, 15.0) / self.duration, self.number(0, 6)
         elif what == "bump":
-            reach = at_pace * self.duration
-            bump = self.effort * self.number(-0.5, 0.5), self.number(-reach, reach), self.number(0.2, 0.5) * reach
+            extent = at_pace * self.duration
+            bump = self.effort * self.number(-0.5, 0.5), self.number(-extent, extent), self.number(0.2, 0.5) * extent
         else:
             damping = self.effort / pace * self.number(0.05, 0.3)
             at = joint

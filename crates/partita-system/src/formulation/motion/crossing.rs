@@ -70,6 +70,8 @@ pub(super) struct CrossingMonitor {
     passed: bool,
     /// Whether velocities jumped next to one.
     pub(super) jumped: bool,
+    /// Where what acts changed abruptly within the steps across one.
+    pub(super) abrupt: Option<f64>,
     /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
     pub(super) spoilt: bool,
     pub(super) serving: Option<Vec<usize>>,
@@ -100,6 +102,7 @@ impl CrossingMonitor {
             lost: false,
             passed: false,
             jumped: false,
+            abrupt: None,
             spoilt: false,
             serving: None,
             spoilt_in_a_row: 0,
@@ -111,6 +114,15 @@ impl CrossingMonitor {
 }
 
 impl CrossingMonitor {
+    /// What acts changes abruptly at t, inside the step that was judged. If that crosses a singular position, it is
+    /// repeated with another length or from another start: its nodes are too few to see what happens between them.
+    pub(super) fn is_interrupted(&mut self, t: f64) -> bool {
+        if self.crosses_next {
+            (self.abrupt, self.lost) = (Some(t), true);
+        }
+        self.crosses_next
+    }
+
     /// Does the step that was judged pass a singular position?
     pub(super) fn passes_a_singular_position(&self) -> bool {
         self.flipped || self.passed || self.crosses_next || self.crossing.zero().is_some()
@@ -382,7 +394,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let r = self.tangent.seen();
         let row = r.weakest_row().map_or_else(String::new, |row| self.system.row_name(row));
         let (tries, jumped) = self.monitor.crossing.tries();
-        let outcome = if jumped || tries == 0 { CrossingOutcome::Jumped } else { CrossingOutcome::Unsolved };
+        let outcome = match self.monitor.abrupt {
+            Some(at) => CrossingOutcome::Abrupt { at },
+            None if jumped || tries == 0 => CrossingOutcome::Jumped,
+            None => CrossingOutcome::Unsolved,
+        };
         SystemError::Crossing { t, tries, row: row.into(), outcome }
     }
 
@@ -453,6 +469,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         std::mem::swap(&mut self.monitor.step_start, &mut self.monitor.step_end);
         std::mem::swap(&mut self.monitor.sides, &mut self.monitor.sides_ahead);
         (self.monitor.flipped, self.monitor.lost, self.monitor.judged) = (false, false, false);
+        self.monitor.abrupt = None;
         if self.tangent.choice_of_sides() != self.monitor.sides.choice() {
             self.tangent.sides(&mut self.monitor.sides); // of a choice made at the end
             self.margin = self.tangent.margin();

@@ -150,11 +150,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         Ok((verdict, evaluates))
     }
     fn breakpoint_within(&mut self, tolerance: f64) -> Passing {
-        // one that crosses a singular position has its place and length from there
-        if self.monitor.crosses_next {
-            return Passing::Clear;
+        let found = self.breakpoints.look(tolerance);
+        if let Passing::Until(t) = found {
+            self.monitor.is_interrupted(t);
         }
-        self.breakpoints.look(tolerance)
+        found
     }
     fn breakpoint_ahead(&self, h: f64, tolerance: f64) -> Option<f64> {
         (!self.monitor.crosses_next).then(|| self.breakpoints.ahead(h, tolerance))?
@@ -163,8 +163,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         let look = self.guards.look(tolerance);
         self.looking = matches!(look, Look::At(_));
         match look {
-            // one that crosses a singular position has its place and length from there
-            Look::Crossed { t, guard, hidden } if !may_end || self.monitor.crosses_next => {
+            Look::Crossed { t, .. } if may_end && self.monitor.is_interrupted(t) => look,
+            Look::Crossed { t, guard, hidden } if !may_end => {
                 if hidden {
                     self.checks.hidden(t, guard);
                 }
