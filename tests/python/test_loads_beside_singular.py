@@ -87,15 +87,15 @@ def test_a_stop_beside_a_flat_position_sends_it_back(coordinates: str) -> None:
 
 
 @pytest.mark.parametrize("t0", [0.0, -5.0, 1000.0])
-@pytest.mark.parametrize("reach", [0.05, 0.1, 0.15])
-def test_times_that_are_rounded_hold_up_no_contact(t0: float, reach: float) -> None:
+@pytest.mark.parametrize("extent", [0.05, 0.1, 0.15])
+def test_times_that_are_rounded_hold_up_no_contact(t0: float, extent: float) -> None:
     """A cart driven by a table past a plane: a step cannot end nearer to a touch than times can say."""
     m = pt.Mechanism("cart", gravity=None)
     m.add_body("cart", 1.0, (0.1, 0.1, 0.1))
     m.add_prismatic("rail", m.ground, "cart", (0, 0, 0), (1, 0, 0))
     times = np.array([0.0, 0.2448, 0.4896, 0.7344, 0.9792, 1.224])
     m.add_drive("rail", position=(t0 + times, [0.0, 0.1989, 0.2111, -0.1795, 0.203, 0.0275]))
-    m.add_contact("plane", "cart", (0, 0, 0), m.ground, (-reach, 0, 0), radius1=0.03, normal=(1, 0, 0), stiffness=3e4)
+    m.add_contact("plane", "cart", (0, 0, 0), m.ground, (-extent, 0, 0), radius1=0.03, normal=(1, 0, 0), stiffness=3e4)
     for rtol in 10.0 ** -np.arange(6.0, 9.6, 0.5):
         run = m.simulate(1.02, initial=m.assemble(t=t0), t_eval=[t0, t0 + 1.02], rtol=rtol, atol=rtol / 100.0)
         assert run.success, (rtol, run.message)

@@ -48,7 +48,7 @@ def test_a_flywheel_is_braked_at_every_passage(coordinates: str, outputs: int) -
 def test_narrow_features_of_any_period_act_at_every_passage() -> None:
     rng = np.random.default_rng(12)
     for trial in range(30):
-        turns, way = rng.integers(1, 4), 1.0 if rng.random() < 0.5 else -1.0
+        turns, sense = rng.integers(1, 4), 1.0 if rng.random() < 0.5 else -1.0
         period = 2 * pi / turns
         at, half = rng.uniform(0.1, 0.9) * period, 10 ** rng.uniform(-2.5, -1.2) * period
         begin = rng.uniform(-10, 10)
@@ -57,7 +57,7 @@ def test_narrow_features_of_any_period_act_at_every_passage() -> None:
         m.add_torque("A", ([begin + x for x in x], y), over="A", periodic=True)
         coordinates: str = "relative" if rng.random() < 0.5 else "absolute"
         t0, length = rng.uniform(0, 5), rng.uniform(1, 3)
-        start = m.assemble(rates={"A": way * rng.uniform(10, 30)}, t=t0, coordinates=coordinates)
+        start = m.assemble(rates={"A": sense * rng.uniform(10, 30)}, t=t0, coordinates=coordinates)
         r = m.simulate(length, initial=start, t_eval=[t0, t0 + length], coordinates=coordinates)
         angle, rate = r.joint("A").position[:, 0], r.joint("A").velocity[:, 0]
         assert r.success, (trial, r.message)
@@ -96,22 +96,22 @@ def test_narrow_features_of_measurements_act_at_every_passage() -> None:
     rng = np.random.default_rng(5)
     for trial in range(16):
         m = wheel()
-        centre, reach = rng.uniform(1.2, 3.0), rng.uniform(0.3, 1.0)
-        at = centre + rng.uniform(-0.98, 0.98) * reach
-        half = 10 ** rng.uniform(-2.3, -1) * reach
-        x = [centre - reach - 0.2, at - half, at - half / 2, at + half / 2, at + half, centre + reach + 0.2]
+        centre, extent = rng.uniform(1.2, 3.0), rng.uniform(0.3, 1.0)
+        at = centre + rng.uniform(-0.98, 0.98) * extent
+        half = 10 ** rng.uniform(-2.3, -1) * extent
+        x = [centre - extent - 0.2, at - half, at - half / 2, at + half / 2, at + half, centre + extent + 0.2]
         if np.any(np.diff(x) <= 0):
             continue
         y = [0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
         height = rng.uniform(5, 40)
-        m.add_torque("A", (x, [height * y for y in y]), over=pt.Distance(m.ground, (centre, 0, 0), "w", (reach, 0, 0)))
+        m.add_torque("A", (x, [height * y for y in y]), over=pt.Distance(m.ground, (centre, 0, 0), "w", (extent, 0, 0)))
         coordinates: str = "relative" if rng.random() < 0.5 else "absolute"
         t0, length = rng.uniform(0, 5), rng.uniform(0.5, 1.5)
         start = m.assemble(rates={"A": rng.uniform(-25, 25)}, t=t0, coordinates=coordinates)
         r = m.simulate(length, initial=start, t_eval=[t0, t0 + length], coordinates=coordinates)
         angle, rate = r.joint("A").position[:, 0], r.joint("A").velocity[:, 0]
         turn = np.linspace(float(angle[0]), float(angle[1]), 400_001)
-        read = np.sqrt(centre**2 + reach**2 - 2 * centre * reach * np.cos(turn))
+        read = np.sqrt(centre**2 + extent**2 - 2 * centre * extent * np.cos(turn))
         work = np.trapezoid(height * PchipInterpolator(x, y)(read), turn)
         assert r.success, (trial, r.message)
         energy = 0.5 * rate[1] ** 2 - 0.5 * rate[0] ** 2
@@ -128,8 +128,8 @@ def test_a_trial_that_leaves_the_table_is_repeated_shorter(height: float, rtol: 
     m.add_torque("S", (x, y), over=pt.Distance(m.ground, (1.0, 0.1, 0), "s", (0, 0, 0)))
     r = m.simulate(0.2, initial=m.assemble(rates={"S": 10.0}), t_eval=[0, 0.2], rtol=rtol)
     assert r.success, r.message
-    way = np.linspace(0, float(r.joint("S").position[-1, 0]), 400_001)
-    work = np.trapezoid(PchipInterpolator(x, y)(np.hypot(way - 1, 0.1)), way)
+    path = np.linspace(0, float(r.joint("S").position[-1, 0]), 400_001)
+    work = np.trapezoid(PchipInterpolator(x, y)(np.hypot(path - 1, 0.1)), path)
     assert r.joint("S").velocity[-1, 0] == pytest.approx(sqrt(100 + 2 * work), rel=1e-4)
 
 

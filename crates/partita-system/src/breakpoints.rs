@@ -151,7 +151,7 @@ impl Breakpoints {
     }
 
     /// Where on an interval the reading may reach a breakpoint that its cubic, off by at most so much, does not show.
-    fn doubtful(&self, cubic: &Cubic, off: f64, step: &Within) -> Option<f64> {
+    fn suspect(&self, cubic: &Cubic, off: f64, step: &Within) -> Option<f64> {
         if off == 0.0 || !self.matter(&self.largest, step.travelled, step.tolerance) {
             return None;
         }
@@ -403,7 +403,7 @@ impl Watched {
                     };
                     match breakpoints.within(&cubic, &step) {
                         Some(at) => (at, true),
-                        None => match breakpoints.doubtful(&cubic, off, &step) {
+                        None => match breakpoints.suspect(&cubic, off, &step) {
                             Some(at) => (at, false),
                             None => continue,
                         },
