@@ -103,7 +103,7 @@ trust: $(BUILT)
 ## processors: all tests with instructions held to SSE2, AVX2, AVX-512, and with drawings moved by one unit in their last place (ONLY="sse2 moved-1" some of it)
 .PHONY: processors
 processors: $(BUILT) $(FMU)
-	$(BIN)/python tools/processors/run.py $(ONLY)
+	$(BIN)/python tools/processors/suite.py $(ONLY)
 
 ## pages: animated pages of the whole catalogue opened in Chromium, desktop and phone, light and dark; pictures in out/pages
 .PHONY: pages

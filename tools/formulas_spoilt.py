@@ -721,8 +721,8 @@ FORMULAS = (
         "error-norm",
         "of the errors of a step the last one counts, not the largest",
         f"{INTEGRATE}/step_size.rs",
-        "squares[lane] = if e2 <= squares[lane] { squares[lane] } else { e2 };",
-        "squares[lane] = e2;",
+        "squares[lane] = if e2 <= squares[lane] { squares[lane] } else { e2 };\n                }",
+        "squares[lane] = e2;\n                }",
         ("marching stepping",),
     ),
     Error(

@@ -18,11 +18,11 @@ from moved_drawings import MOVED, moved
 
 import partita as pt
 
-PLACE = Path(__file__).resolve().parents[2] / "tools" / "processors" / "run.py"
+PLACE = Path(__file__).resolve().parents[2] / "tools" / "processors" / "suite.py"
 
 
 def tool() -> Any:
-    found = importlib.util.spec_from_file_location("processors_run", PLACE)
+    found = importlib.util.spec_from_file_location("processors_suite", PLACE)
     assert found is not None and found.loader is not None
     module = importlib.util.module_from_spec(found)
     found.loader.exec_module(module)

@@ -165,7 +165,7 @@ impl ExplicitRungeKutta {
     /// First step by the rule of Hairer, Norsett and Wanner, from two slopes.
     fn first_step<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<f64, StepFailure<E>> {
         let longest = self.options.max_step.min((self.t_end - self.t_old).abs());
-        let least = FIRST_ROUNDINGS * self.shortest_step();
+        let least = FIRST_ROUNDINGS * tolerance::TEN_ROUNDINGS * self.t_old.abs();
         let n = self.stride;
         let guess = self.norm.first_guess(&self.y_old, &self.stages[..n]).max(least).min(longest);
         if guess == 0.0 {

@@ -459,6 +459,9 @@ impl March {
                 }
                 // a step across a singular position has one length; the formulation decides on another
                 Err(StepFailure::TooSmall { .. }) if crosses => verdict = Verdict::Repeat,
+                Err(StepFailure::TooSmall { t, h, last: None }) => {
+                    return Err(StepFailure::TooSmall { t, h, last: self.obstacle_ahead(formulation) })
+                }
                 Err(failure) => return Err(failure),
             }
             if verdict == Verdict::Repeat {
@@ -596,6 +599,20 @@ impl March {
                 Passing::At(t) if self.sees(formulation, t)? => {}
                 Passing::At(_) => return Ok(false),
             }
+        }
+    }
+
+    /// Why the motion cannot be evaluated shortly after the last step, where no step leads on: ends of steps, and errors of
+    /// those that could be evaluated, have no reason of their own.
+    fn obstacle_ahead<F: Formulation>(&mut self, formulation: &mut F) -> Option<SystemError> {
+        let step = self.stepper.current();
+        let (t, h) = (step.t_old, tolerance::NEGLIGIBLE * (step.t_end - step.t_old + step.t_old.abs()));
+        for (x, (y, dy)) in self.buffer.iter_mut().zip(step.y_old.iter().zip(step.dy_old)) {
+            *x = y + h * dy;
+        }
+        match Adapter(formulation).rhs(t + h, &self.buffer, &mut self.slope) {
+            Ok(()) => None,
+            Err(RhsError::Retry(error) | RhsError::Fatal(error)) => Some(error),
         }
     }
 

@@ -1,6 +1,6 @@
 """All tests as other processors run them: held to older instructions, and with drawings in other last digits.
 
-    python tools/processors/run.py [sse2] [avx2] [avx512] [moved-1] [moved-2] [-- arguments of pytest]
+    python tools/processors/suite.py [sse2] [avx2] [avx512] [moved-1] [moved-2] [-- arguments of pytest]
 
 With `sse2`, `avx2` and `avx512` a program that asks for the processor's instructions is told of no wider ones
 (`held.c`; Linux, x86-64, with a kernel and a processor that can trap the question), so that lanes, NumPy and its linear
