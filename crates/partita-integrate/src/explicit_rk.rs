@@ -27,8 +27,8 @@ use std::fmt::Display;
 /// Lower bound of |t| for the round-off of the time. Unit: fraction of the run. Reason: near t = 0 the time itself has
 /// no size.
 const NEAR_ZERO_TIME: f64 = 1e-6;
-/// The first step is at least this long. Scale: multiples of the shortest step. Reason: over it the rounding of the time
-/// changes a slope by less than the motion does.
+/// The first step is at least this long. Scale: multiples of ten roundings of the time. Reason: over it the rounding of
+/// the time changes a slope by less than the motion does.
 const FIRST_ROUNDINGS: f64 = 1e3;
 
 /// Position in the cycle.
