@@ -122,9 +122,9 @@ fn every_form_counts_the_same_turns() {
         let mut all = Vec::new();
         let mut sink = |s: &Output| {
             assert!(s.q.iter().all(|q| q.abs() < 40.0), "{name}: {:?}", s.q);
-            // angles of up to 25 rad are rounded by 3.6e-15, and three of them move links of 3 m
+            // angles of up to 25 rad are rounded by 3.6e-15, and three of them move links of 3 m; as much again of the frames
             let open = closure_error(&model, s);
-            assert!(open < 4e-14, "{name}: {open:e}");
+            assert!(open < 8e-14, "{name}: {open:e}");
             all.push((0..s.q.len()).map(|i| turns::whole(s.q[i], s.turns[i])).collect::<Vec<f64>>());
             Ok(())
         };
