@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from drawings import four_bar, parallelogram
+from moved_drawings import as_typed
 from numpy.typing import NDArray
 from test_large import pressed_after
 
@@ -203,6 +204,7 @@ def newton(u: Array, motors: Array) -> Array:
     return u
 
 
+@as_typed
 @pytest.mark.parametrize("name", ["five-bar", "ankle"])
 def test_each_pose_depends_on_itself_alone(name: str) -> None:
     """Not on the others, on their order, nor on how many cores share them."""

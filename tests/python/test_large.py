@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from moved_drawings import as_typed
 from pressing import pressed_after
 from thorough import either
 
@@ -61,6 +62,7 @@ def test_names_are_looked_up_however_many_there_are() -> None:
     assert many <= 20 * few + 400, "a name is compared with names of other loops"
 
 
+@as_typed
 def test_the_text_for_the_core_is_the_description() -> None:
     m = chain(3)
     assert json.loads(Writer(m._description, Layout()).text()) == m.to_spec()

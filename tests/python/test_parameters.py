@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from moved_drawings import as_typed
 
 import partita as pt
 from partita.builder.compiled import CompiledModel
@@ -47,6 +48,7 @@ def everything(model: CompiledModel) -> list[np.ndarray]:
     ]
 
 
+@as_typed
 def test_the_same_as_a_new_mechanism() -> None:
     model = driven_crank().compile()
     changed = model.with_parameters(
@@ -163,6 +165,7 @@ OTHERS: dict[str, tuple[str, Any]] = {
 """Parameter: by which argument it is drawn, and another value of it."""
 
 
+@as_typed
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 def test_numbers_of_couplings_are_those_of_a_new_mechanism(coordinates: str) -> None:
     """Bit for bit, one by one and all at once, at states with whole turns."""

@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
+from moved_drawings import as_typed
 
 import partita as pt
 from partita.builder.compiled import CompiledModel
@@ -71,11 +72,13 @@ def pool() -> Iterator[ProcessPoolExecutor]:
         yield executor
 
 
+@as_typed
 def test_a_mechanism_travels_to_another_process(pool: ProcessPoolExecutor) -> None:
     m = driven()
     assert pool.submit(final, m).result() == final(m)
 
 
+@as_typed
 def test_a_model_travels_to_another_process(pool: ProcessPoolExecutor) -> None:
     for model in (driven().compile(), pt.catalogue.load("four-bar").compile("absolute")):
         assert pool.submit(energy_matrix, model).result() == energy_matrix(model)
