@@ -95,3 +95,18 @@ def test_micrometres_and_a_thousand_kilometres(make: Any, unit: float) -> None:
         assert other[key] == pytest.approx(one[key], rel=1e-12, abs=1e-12 * np.max(np.abs(one[key]))), key
     for key in ("counters", "report"):
         assert other[key] == one[key], key
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-2, 1e-4, 1e-5, 1e-6, 1e-7])
+def test_links_far_below_the_tolerance_of_their_bodies_are_not_folded_into_one_point(unit: float) -> None:
+    """Three links of a tenth cannot span one; centres of mass lie 0.1 m off, so that all of it may be below the drawing
+    tolerance. What is small is still drawn: it is refused, not moved together."""
+    m = pt.Mechanism("short")
+    for name, at in (("crank", (0, 0, 0)), ("coupler", (0, 0.1 * unit, 0)), ("rocker", (unit, 0, 0))):
+        m.add_body(name, mass=1.0, inertia=(0.1, 0.1, 0.08), com=(0.1, 0.05, 0.02), position=at)
+    m.add_revolute("A", m.ground, "crank", (0, 0, 0))
+    m.add_revolute("B", "crank", "coupler", (0, 0.1 * unit, 0))
+    m.add_revolute("D", m.ground, "rocker", (unit, 0, 0))
+    m.add_revolute("C", "coupler", "rocker", (0.1 * unit, 0.1 * unit, 0), child_point=(unit, 0.1 * unit, 0))
+    with pytest.raises(pt.errors.AssemblyError, match="lengths do not fit"):
+        m.simulate(0.1)

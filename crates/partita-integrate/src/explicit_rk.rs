@@ -211,10 +211,14 @@ impl ExplicitRungeKutta {
         beside.copied().find(|c| (c - t).abs() <= tolerance::SUM_ROUNDING * t.abs()).unwrap_or(t)
     }
 
+    fn is_discontinuity(&self, t: f64) -> bool {
+        self.options.discontinuities.binary_search_by(|c| c.total_cmp(&t)).is_ok()
+    }
+
     /// Where a step to t_new is evaluated at its end: where its slopes may jump, before that.
     fn before_jumps(&self, t_new: f64, h: f64) -> f64 {
-        let jumps = || self.options.discontinuities.binary_search_by(|c| c.total_cmp(&t_new)).is_ok();
-        match self.grid.is_none() && ((self.goal == Some(t_new) && !self.corner_ahead) || jumps()) {
+        let jumps = (self.goal == Some(t_new) && !self.corner_ahead) || self.is_discontinuity(t_new);
+        match self.grid.is_none() && jumps {
             true => t_new - self.direction * f64::EPSILON * t_new.abs().max(h.abs()),
             false => t_new,
         }

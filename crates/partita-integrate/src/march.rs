@@ -606,7 +606,9 @@ impl March {
     /// those that could be evaluated, have no reason of their own.
     fn obstacle_ahead<F: Formulation>(&mut self, formulation: &mut F) -> Option<SystemError> {
         let step = self.stepper.current();
-        let (t, h) = (step.t_old, tolerance::NEGLIGIBLE * (step.t_end - step.t_old + step.t_old.abs()));
+        // not beyond the end, where what acts may not be given
+        let (t, rest) = (step.t_old, step.t_end - step.t_old);
+        let h = rest.signum() * rest.abs().min(tolerance::NEGLIGIBLE * (rest.abs() + t.abs()));
         for (x, (y, dy)) in self.buffer.iter_mut().zip(step.y_old.iter().zip(step.dy_old)) {
             *x = y + h * dy;
         }

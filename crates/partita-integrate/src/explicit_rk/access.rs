@@ -60,7 +60,7 @@ impl StepControl for ExplicitRungeKutta {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
         // what happens where a step was to end, the method does not know: its slopes may jump there
-        let changes = self.goal == Some(self.t_new) || self.options.discontinuities.contains(&self.t_new);
+        let changes = self.goal == Some(self.t_new) || self.is_discontinuity(self.t_new);
         self.sloped_at = self.before_jumps(self.t_new, self.attempted_h);
         self.corner_behind = self.corner_ahead && self.goal == Some(self.t_new);
         self.corner_ahead = false;

@@ -308,7 +308,7 @@ impl Drawing {
     fn folds_all(&self, numbers: &[f64], tolerance: f64) -> bool {
         let Some(changed) = self.changed(numbers) else { return true };
         let (before, after) = (self.lengths(), changed.lengths());
-        let longest = before.iter().fold(self.length, |m: f64, x| m.max(*x));
+        let longest = before.iter().fold(0.0, |m: f64, x| m.max(*x));
         before
             .iter()
             .zip(&after)
