@@ -122,9 +122,11 @@ fn every_form_counts_the_same_turns() {
         let mut all = Vec::new();
         let mut sink = |s: &Output| {
             assert!(s.q.iter().all(|q| q.abs() < 40.0), "{name}: {:?}", s.q);
-            // angles of up to 25 rad are rounded by 3.6e-15, and three of them move links of 3 m; as much again of the frames
+            // angles of up to 25 rad are rounded by 3.6e-15, and three of them move links of 3 m; a chart adds its base, and
+            // leaves 2e-14 to 5e-14 at the worst output, by where the steps end
+            let allowed = if name == "tangent-space" { 8e-14 } else { 4e-14 };
             let open = closure_error(&model, s);
-            assert!(open < 8e-14, "{name}: {open:e}");
+            assert!(open < allowed, "{name}: {open:e}");
             all.push((0..s.q.len()).map(|i| turns::whole(s.q[i], s.turns[i])).collect::<Vec<f64>>());
             Ok(())
         };
