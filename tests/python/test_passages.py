@@ -290,3 +290,54 @@ def test_any_end_beside_any_passage_is_reached() -> None:
         for _ in range(8):
             sim.step()
         assert abs(sim.joint("A").position - 2 * end) < 1e-6
+
+
+def nearly_parallel(off: float) -> pt.Mechanism:
+    """Four bars of 0.3 and 0.7 m, the coupler longer by `off`: what meets in the flat position passes by."""
+    m = pt.Mechanism("nearly parallel", gravity=None)
+    b = (0.3 * math.cos(1.1), 0.3 * math.sin(1.1), 0.0)
+    c = (0.7 + b[0] + off, b[1], 0.0)
+    for name, ends in {"crank": ((0, 0, 0), b), "coupler": (b, c), "rocker": ((0.7, 0, 0), c)}.items():
+        m.add_rod(name, *ends, mass=1.0)
+    for name, bodies, at in (
+        ("A", ("ground", "crank"), (0, 0, 0)), ("B", ("crank", "coupler"), b), ("C", ("coupler", "rocker"), c),
+        ("D", ("ground", "rocker"), (0.7, 0, 0)),
+    ):  # fmt: skip
+        m.add_revolute(name, *bodies, point=at, axis=(0, 0, 1))
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("off", [1e-8, -1e-8, 1e-6, 1e-4])
+def test_passing_by_where_branches_nearly_meet_is_noted(off: float, coordinates: str) -> None:
+    """At a distance of the square root of what the dimensions lack; a note, as nobody knows what was meant."""
+    run = nearly_parallel(off).simulate(
+        3.0, initial=nearly_parallel(off).assemble(rates={"A": -1.0}), coordinates=coordinates
+    )
+    assert run.success and not crossed(run)
+    (note,) = [note for note in run.notes if "comes as near as" in note]
+    distance = float(note.split("comes as near as ")[1].split()[0])
+    assert 0.1 < distance / math.sqrt(abs(off)) < 3.0
+    assert abs(float(note.split(" at t = ")[1].split()[0]) - 1.1) < 0.01
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("off", [0.0, 1e-2])
+def test_crossing_it_or_passing_far_away_is_not(off: float, coordinates: str) -> None:
+    m = nearly_parallel(off)
+    run = m.simulate(3.0, initial=m.assemble(rates={"A": -1.0}), coordinates=coordinates)
+    assert run.success and crossed(run) == (off == 0.0)
+    assert not any("comes as near as" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("off", [1e-8, 1e-6])
+def test_where_repaired_dimensions_decide_the_branch_the_run_is_suspect(off: float, coordinates: str) -> None:
+    """The same loop on two hinges a bar, of which the right ones are off: locked as drawn, moves as repaired."""
+    m = nearly_parallel(off)
+    b = (0.3 * math.cos(1.1), 0.3 * math.sin(1.1))
+    m.add_revolute("A right", m.ground, "crank", point=(off, 0, 0.2), axis=(0, 0, 1))
+    m.add_revolute("B right", "crank", "coupler", point=(b[0], b[1] + off, 0.2), axis=(0, 0, 1))
+    with pytest.warns(pt.errors.SuspectResultWarning, match="branches that meet there in an exact drawing"):
+        run = m.simulate(3.0, initial=m.assemble(rates={"A": -1.0}), coordinates=coordinates)
+    assert run.success and run.certificate.verdict == "suspect"

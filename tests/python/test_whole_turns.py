@@ -173,3 +173,39 @@ def test_a_table_over_an_angle_means_the_same_in_all_coordinates(tilt: float, le
         assert (one.determined == two.determined).all()
     assert np.abs(runs[0].coupling("cam").effort - runs[1].coupling("cam").effort).max() < 1e-8
     assert runs[1].certificate.verdict == "valid"
+
+
+READ_IN_SPACE: dict[str, Callable[[pt.Mechanism, Callable[[float], float]], Any]] = {
+    "a torque": lambda m, f: m.add_torque("B", lambda t, s: f(s.position("A"))),
+    "a force": lambda m, f: m.add_force("b", lambda t, s: (0.0, 0.0, f(s.position("A"))), point=(1, 0, 0)),
+    "a law": lambda m, f: m.add_force_law(
+        "law", lambda t, a: (0.0, 0.0, f(a.position)), sees=["A"], on=[("b", (1, 0, 0))]
+    ),
+}
+
+
+@pytest.mark.parametrize("read", READ_IN_SPACE)
+@pytest.mark.parametrize("rate", [4.0, -4.0])
+@pytest.mark.parametrize("t0", [0.0, 50.0])
+def test_loads_that_read_an_angle_count_its_turns_or_are_refused(read: str, rate: float, t0: float) -> None:
+    """Absolute coordinates know an angle in space within half a turn: what is not alike a turn on would jump there."""
+
+    def ends(f: Callable[[float], float], coordinates: str) -> pt.Result:
+        m = shafts()
+        READ_IN_SPACE[read](m, f)
+        start = m.assemble(rates={"A": rate, "B": 0.0}, t=t0)
+        return m.simulate(2.0, initial=start, t_eval=[t0, t0 + 2.0], coordinates=coordinates)
+
+    for alike in (math.sin, lambda x: 2.0 + math.cos(3.0 * x), lambda x: 0.0):
+        one, other = (ends(alike, coordinates) for coordinates in ("relative", "absolute"))
+        assert one.success and other.success
+        for body in "ab":
+            # forward errors of both runs at the default tolerance
+            assert np.abs(one.body(body).velocity[-1] - other.body(body).velocity[-1]).max() < 1e-4
+            spin = one.body(body).angular_velocity[-1] - other.body(body).angular_velocity[-1]
+            assert np.abs(spin).max() < 1e-4
+    for other_on in (lambda x: 0.1 * x, lambda x: math.exp(-((x - math.copysign(7.5, rate)) ** 2))):
+        assert ends(other_on, "relative").success
+        refused = ends(other_on, "absolute")
+        assert not refused.success and "is known only within half a turn" in refused.message
+        assert 'cut = "never"' in refused.message

@@ -135,6 +135,10 @@ pub const MUCH_SMALLER: f64 = 0.3;
 /// No ordinary step, and no tick, may end nearer to a singular position. Scale: distance in natural scales. Reason:
 /// rounding of the closure over the square of the distance leaves six digits of rates, and none a little nearer.
 pub const LANDED: f64 = 1e-5;
+/// Larger errors of positions, or of dimensions, decide between branches. Scale: squared distance from the singular
+/// position. Reason: two branches x y = 0 with an error e become x y = e, whose arms lead from one to the other at the
+/// distance sqrt(2 e).
+pub const BRANCH_BY_ERROR: f64 = 0.1;
 /// A change of velocities counts above this. Scale: fraction of the fastest velocity, or of all. Reason: one block of
 /// many that passes to its other branch is seen, and so is a load that becomes active.
 pub const VISIBLE_CHANGE: f64 = 0.1;

@@ -185,7 +185,12 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     pub(crate) fn instant<'a>(&'a self, t: S, q: &'a [S], v: &'a [S]) -> Instant<'a, S> {
-        Instant { t, q, v, callers: &self.callers }
+        Instant { t, q, v, callers: &self.callers, uncounted: &[] }
+    }
+
+    /// As functions of the state see it.
+    pub(crate) fn seen_instant<'a>(&'a self, t: S, q: &'a [S], v: &'a [S]) -> Instant<'a, S> {
+        Instant { uncounted: &self.full.uncounted, ..self.instant(t, q, v) }
     }
 
     /// Position level: Φ, the values of C in the order of the model's pattern, and a.          (S3, S4)
@@ -548,7 +553,7 @@ fn mechanics<G: Space>(
     let sees_state = elements.iter().any(|e| e.sees_state(functions));
     let (sights, sensed) = (maker.sights(sees_state)?, maker.sensed(sees_state)?);
     let out = Mat3::from_f64(placed.basis.transpose().0);
-    Ok((Mechanics::new(tree, conditions, elements, sights, massive).sensing(sensed, out), rows))
+    Ok((Mechanics::new(tree, conditions, elements, sights, massive).sensing(placed.nq, sensed, out), rows))
 }
 
 /// Links with mass or inertia.

@@ -22,6 +22,8 @@ pub struct Mechanics<G: Space> {
     pub(crate) sights: Vec<CutSight<G>>,
     /// Readings of sensors, which the same functions read after those coordinates; none where there is no function.
     pub(crate) sensed: Vec<Seen<G>>,
+    /// Places among all these numbers of angles whose whole turns are not counted.
+    pub(crate) uncounted: Vec<usize>,
     /// World axes from mechanism axes.
     pub(crate) out: Mat3<G::S>,
 }
@@ -31,6 +33,16 @@ impl<G: Space> Deref for Mechanics<G> {
     fn deref(&self) -> &Tree<G> {
         &self.tree
     }
+}
+
+/// Places of angles whose whole turns are not counted in numbers of so many entries each, the first one at `from`.
+pub(crate) fn places_uncounted(mut from: usize, shown: impl Iterator<Item = (usize, bool)>) -> Vec<usize> {
+    let mut found = Vec::new();
+    for (count, wraps) in shown {
+        found.extend(wraps.then_some(from));
+        from += count;
+    }
+    found
 }
 
 impl<G: Space> Mechanics<G> {
@@ -51,12 +63,14 @@ impl<G: Space> Mechanics<G> {
         }
         tree.efforts.sort_unstable();
         tree.efforts.dedup();
-        Self { tree, elements, conditions, sights, sensed: Vec::new(), out: Mat3::identity() }
+        Self { tree, elements, conditions, sights, sensed: Vec::new(), uncounted: Vec::new(), out: Mat3::identity() }
     }
 
-    /// Let functions of the state read what sensors read.
-    pub(crate) fn sensing(mut self, sensed: Vec<Seen<G>>, out: Mat3<G::S>) -> Self {
+    /// Let functions of the state, which read `nq` coordinates of the tree first, read what sensors read.
+    pub(crate) fn sensing(mut self, nq: usize, sensed: Vec<Seen<G>>, out: Mat3<G::S>) -> Self {
         (self.sensed, self.out) = (sensed, out);
+        let shown = self.sights.iter().map(CutSight::shown).chain(self.sensed.iter().map(Seen::shown));
+        self.uncounted = places_uncounted(nq, shown);
         self
     }
 
@@ -115,9 +129,10 @@ impl<G: Space> Mechanics<G> {
         self.clear_forces(s);
         let (q, v) = self.seen(&instant, s, room);
         let Instant { t, callers, .. } = instant;
+        let uncounted = &self.uncounted[..];
         let (all_q, all_v) = if self.sees_tree_alone() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
         for e in &self.elements {
-            let instant = Instant { t, q: all_q, v: all_v, callers };
+            let instant = Instant { t, q: all_q, v: all_v, callers, uncounted };
             let effect = e.wrench(&At { tree: &self.tree, s, instant }, room)?;
             self.add_effect(s, &effect, room);
         }
@@ -147,8 +162,9 @@ impl<G: Space> Mechanics<G> {
         v.clear();
         q.extend_from_slice(instant.q);
         v.extend_from_slice(instant.v);
-        let Instant { t, q: tree_q, v: tree_v, callers } = *instant;
-        let at = At { tree: &self.tree, s, instant: Instant { t, q: tree_q, v: tree_v, callers } };
+        let Instant { t, q: tree_q, v: tree_v, callers, .. } = *instant;
+        let instant = Instant { t, q: tree_q, v: tree_v, callers, uncounted: &[] };
+        let at = At { tree: &self.tree, s, instant };
         for sight in &self.sights {
             sight.show(&at, &mut q, &mut v);
         }
@@ -184,8 +200,9 @@ impl<G: Space> Mechanics<G> {
         let (mut potential, mut power) = (G::S::zero(), G::S::zero());
         let (q, v) = self.seen(&instant, s, room);
         let Instant { t, callers, .. } = instant;
+        let uncounted = &self.uncounted[..];
         let (all_q, all_v) = if self.sees_tree_alone() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
-        let at = At { tree: &self.tree, s, instant: Instant { t, q: all_q, v: all_v, callers } };
+        let at = At { tree: &self.tree, s, instant: Instant { t, q: all_q, v: all_v, callers, uncounted } };
         for e in &self.elements {
             let effect = e.wrench(&at, room)?;
             potential += effect.potential;

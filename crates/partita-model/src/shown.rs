@@ -35,7 +35,7 @@ impl<S: Scalar> Evaluator<S> {
         let mut room = std::mem::take(&mut s.full_forces);
         let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
         let (all_q, all_v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
-        let at = At { tree: &self.full, s: &s.full, instant: self.instant(t, all_q, all_v) };
+        let at = At { tree: &self.full, s: &s.full, instant: self.seen_instant(t, all_q, all_v) };
         let element = &self.full.elements[e];
         let found = element.wrench(&at, &mut room).map(|effect| {
             let mut shown =

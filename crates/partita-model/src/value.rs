@@ -129,6 +129,8 @@ pub(crate) struct Instant<'a, S> {
     pub q: &'a [S],
     pub v: &'a [S],
     pub callers: &'a Callers,
+    /// Places in `q` of angles whose whole turns are not counted.
+    pub uncounted: &'a [usize],
 }
 
 /// The functions of a model, and the sizes of their arguments.
@@ -144,6 +146,55 @@ impl<S: Scalar> Instant<'_, S> {
         let (q_sizes, v_sizes) = (&self.callers.q_sizes[..], &self.callers.v_sizes[..]);
         Arguments { t: self.t, q: self.q, v: self.v, q_sizes, v_sizes }
     }
+
+    /// The values of a function that `ask` calls with numbers in place of `q`.
+    fn asked<const N: usize>(
+        &self,
+        q: &[f64],
+        what: &str,
+        ask: impl Fn(&[f64]) -> Result<[f64; N], SystemError>,
+    ) -> Result<[f64; N], SystemError> {
+        let found = ask(q)?;
+        alike_a_turn_on(self.uncounted.iter().copied(), q, &found, what, |q, out| {
+            out.copy_from_slice(&ask(q)?);
+            Ok(())
+        })?;
+        Ok(found)
+    }
+}
+
+/// Step by which the slope of a function is seen. Unit: rad. Reason: a thousandth of what its values hang on.
+const SLOPE_STEP: f64 = 1e-3;
+
+/// Near half a turn of an angle whose whole turns are not counted, at the places `uncounted` of the numbers x, a function
+/// must have the same values a turn further on: otherwise the next one might jump. `found` are its values at x; `ask`
+/// calls it.
+///
+/// # Errors
+/// `Uncounted`, and those of the function.
+pub(crate) fn alike_a_turn_on(
+    uncounted: impl Iterator<Item = usize>,
+    x: &[f64],
+    found: &[f64],
+    what: &str,
+    mut ask: impl FnMut(&[f64], &mut [f64]) -> Result<(), SystemError>,
+) -> Result<(), SystemError> {
+    for i in uncounted.filter(|&i| x[i].abs() > tolerance::HALF_TURN) {
+        let mut beside = x.to_vec();
+        let [mut other, mut next] = [found.to_vec(), found.to_vec()];
+        beside[i] -= TAU.copysign(x[i]);
+        ask(&beside, &mut other)?;
+        beside[i] += SLOPE_STEP;
+        ask(&beside, &mut next)?;
+        let size =
+            |y: f64, (other, next): (&f64, &f64)| y.abs().max(other.abs()).max((next - other).abs() / SLOPE_STEP);
+        let seen = || found.iter().zip(other.iter().zip(&next));
+        let largest = seen().fold(0.0, |m: f64, (y, x)| m.max(size(*y, x)));
+        if seen().any(|(y, (other, _))| (y - other).abs() > tolerance::EQUAL * largest) {
+            return Err(SystemError::Uncounted { what: what.to_string(), by: x[i] });
+        }
+    }
+    Ok(())
 }
 
 /// Value, first and second derivative of a table at t.
@@ -238,8 +289,10 @@ impl<S: Scalar> Source<S> {
                     return Ok(given(i.callers, place));
                 }
                 let [x] = S::call(i.arguments(), room, |t, q, v| {
-                    let x = i.callers.functions.scalar(*k, t, q, v).map_err(|e| failed(what, e))?;
-                    finite([x], what, t)
+                    i.asked(q, what, |q| {
+                        let x = i.callers.functions.scalar(*k, t, q, v).map_err(|e| failed(what, e))?;
+                        finite([x], what, t)
+                    })
                 })?;
                 Ok(x)
             }
@@ -278,8 +331,10 @@ impl<S: Scalar> VectorSource<S> {
         match self {
             Self::Components([x, y, z]) => Ok(Vec3([x.at(i, what, room)?, y.at(i, what, room)?, z.at(i, what, room)?])),
             Self::Function([Source::Function(k)]) => Ok(Vec3(S::call(i.arguments(), room, |t, q, v| {
-                let x = i.callers.functions.vector(*k, t, q, v).map_err(|e| failed(what, e))?;
-                finite(x, what, t)
+                i.asked(q, what, |q| {
+                    let x = i.callers.functions.vector(*k, t, q, v).map_err(|e| failed(what, e))?;
+                    finite(x, what, t)
+                })
             })?)),
             Self::Function([x]) => Ok(Vec3([x.at(i, what, room)?; 3])),
         }

@@ -193,7 +193,7 @@ pub struct Gap {
 
 impl Gap {
     /// The worse of two; NaN is worse than any number.
-    fn worse(self, other: Self) -> Self {
+    pub fn worse(self, other: Self) -> Self {
         match other.part > self.part || other.part.is_nan() {
             true => other,
             false => self,
@@ -236,6 +236,11 @@ pub struct StepChecks {
     /// Where constraints are not corrected: Φ relative to its sizes, over the squared distance from a singular
     /// position. From 1 on this error decides the branch on which the motion continues. It has no row.
     pub branch: Gap,
+    /// 1 over the squared distance from a singular position, where errors of the dimensions may have led past it. It has
+    /// no row.
+    pub nearest: Gap,
+    /// As `nearest`, at the end of the last step, which comes nearer to one.
+    pub near_end: Gap,
     /// Φ and C v + a at the outputs, relative as at the ends of steps.
     pub outputs: Gaps,
     /// The fastest rate at an output, over what speeds and accelerations at the ends of the steps so far explain. It
@@ -258,6 +263,7 @@ impl StepChecks {
         self.acceleration = self.acceleration.worse(other.acceleration);
         self.jump = self.jump.worse(other.jump);
         self.branch = self.branch.worse(other.branch);
+        self.nearest = self.nearest.worse(other.nearest);
         self.outputs.raise(&other.outputs);
         self.surge = self.surge.worse(other.surge);
         self.hidden = self.hidden.worse(other.hidden);

@@ -75,7 +75,8 @@ def add_force_law(
     - (body, point), the point in body axes: has `.position` and `.velocity`;
     - a body: has `.position`, `.rotation`, `.velocity` and `.angular_velocity`;
     - a joint: has `.position` and `.rate`, numbers if it has one coordinate, else arrays. The angle of a joint that
-      closes a loop in space (or in absolute coordinates) is known up to full turns, between -pi and pi.
+      closes a loop in space (or in absolute coordinates) is known up to full turns, between -pi and pi: near half a
+      turn a function that is not the same a turn further on ends the run.
 
     It returns, for each entry of `on`, the force (three numbers) or the pair (force, moment); with a single entry, just
     that one. All quantities are in world axes [m, N, N m], whatever the coordinates of the mechanism. Its power counts

@@ -140,6 +140,19 @@ def shaken(d: Drawing, by: float, rng: Any) -> Drawing:
     return replace(d, joints=tuple(joints))
 
 
+def between(one: Drawing, other: Drawing, part: float) -> Drawing:
+    """Between two drawings, so much nearer to the other: bodies, points and axes of joints."""
+
+    def mixed(a: Array, b: Array) -> Array:
+        return a + part * (b - a)
+
+    bodies = [replace(a, position=mixed(a.position, b.position), com=mixed(a.com, b.com))
+              for a, b in zip(one.bodies, other.bodies, strict=True)]  # fmt: skip
+    joints = [replace(a, point=mixed(a.point, b.point), axes=mixed(a.axes, b.axes))
+              for a, b in zip(one.joints, other.joints, strict=True)]  # fmt: skip
+    return replace(one, bodies=tuple(bodies), joints=tuple(joints))
+
+
 def off(one: Drawing, other: Drawing) -> float:
     """The largest difference of places and axes."""
     pairs: Iterable[tuple[Array, Array]] = [
@@ -149,4 +162,4 @@ def off(one: Drawing, other: Drawing) -> float:
     return max((float(np.abs(a - b).max()) for a, b in pairs), default=0.0)
 
 
-__all__ = ["Case", "moved", "off", "renamed", "rounded", "shaken", "words"]
+__all__ = ["Case", "between", "moved", "off", "renamed", "rounded", "shaken", "words"]

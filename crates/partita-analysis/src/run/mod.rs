@@ -169,6 +169,7 @@ fn integrated<S: Balance<Scratch: Send>>(
     }
     let (rows, counters, events, closure_error, gaps) =
         (reported.rows, reported.counters, reported.events, reported.closure_error, reported.gaps);
+    notes.extend(verdict::note_of_nearness(system, &reported.checks));
     let log = SolutionLog { recipe, events, outputs, limits };
     let mut findings = Vec::new();
     limits.judge(system, &gaps, "the end of the step", &mut findings);

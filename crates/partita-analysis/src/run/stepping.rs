@@ -305,6 +305,7 @@ impl<'s> Stepping<'s> {
         notes.extend(self.departed.clone());
         notes.extend(self.corrected.clone());
         notes.extend(reported.notes);
+        notes.extend(verdict::note_of_nearness(&*self.system, &self.checks));
         let mut findings = Vec::new();
         self.limits.judge(&*self.system, &self.gaps, "the end of the step", &mut findings);
         self.limits.judge_checks(&*self.system, &self.checks, &mut findings);

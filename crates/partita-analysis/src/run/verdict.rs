@@ -21,9 +21,6 @@ const JUMPS: (f64, f64) = (1e-3, 1e-1);
 /// Changes of velocity beyond this are explained by no tolerance. Scale: fraction of the speed. Reason: loose tolerances
 /// explain larger changes than tight ones, up to a fiftieth.
 const JUMPS_EXPLAINED: f64 = 2e-2;
-/// Larger errors of positions decide between branches. Scale: squared distance from the singular position. Reason: two
-/// branches x y = 0 with an error e become x y = e, whose arms lead from one to the other at the distance sqrt(2 e).
-const BRANCH_BY_ERROR: f64 = 0.1;
 
 /// One finding of a run.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,7 +115,7 @@ impl Limits {
                  shorter steps, or let the step size adapt (no `step`)"
             )
         });
-        look(checks.branch, (BRANCH_BY_ERROR, BRANCH_BY_ERROR), &|t| {
+        look(checks.branch, (tolerance::BRANCH_BY_ERROR, tolerance::BRANCH_BY_ERROR), &|t| {
             format!(
                 "the motion crosses a singular position at t = {t} s with a closure error of {:.1e} of the squared \
                  distance from it, so that this error decides the branch; use a formulation that closes the loops \
@@ -126,6 +123,22 @@ impl Limits {
                 checks.branch.part
             )
         });
+        Self::judge_branch(system, checks.nearest, found);
+    }
+
+    /// Where errors of the dimensions decide between branches.
+    fn judge_branch<S: ConstrainedSystem>(system: &S, nearest: Gap, found: &mut Vec<Finding>) {
+        let removed = system.drawing_errors().0;
+        if removed * nearest.part > tolerance::BRANCH_BY_ERROR {
+            let (t, distance) = (six_digits(nearest.t), nearest.part.recip().sqrt());
+            let sentence = format!(
+                "the motion comes as near as {distance:.1e} (rad, fractions of lengths) to a singular position at t = {t} \
+                 s, and dimensions off by {removed:.1e} were changed to fit, within the drawing tolerance: branches \
+                 that meet there in an exact drawing pass each other, and which one the motion follows depends on \
+                 these errors; give the dimensions more exactly"
+            );
+            found.push(Finding { invalid: false, t: nearest.t, sentence });
+        }
     }
 
     /// Findings from these gaps at `what` (steps, outputs).
@@ -157,6 +170,23 @@ fn of_numbers(outputs: &[Output], found: &mut Vec<Finding>) {
         let sentence = format!("the motion is not finite from t = {} s on", six_digits(*t));
         found.push(Finding { invalid: true, t: *t, sentence });
     }
+}
+
+/// That errors of the dimensions smaller than may be there would decide between branches, or will where the run goes on.
+pub(super) fn note_of_nearness<S: ConstrainedSystem>(system: &S, checks: &StepChecks) -> Option<String> {
+    let ((removed, possible), nearest) = (system.drawing_errors(), checks.nearest.worse(checks.near_end));
+    let decides = |near: Gap| removed * near.part > tolerance::BRANCH_BY_ERROR;
+    let counts = possible * nearest.part > 1.0 || decides(nearest);
+    (counts && !decides(checks.nearest)).then(|| {
+        format!(
+            "the motion comes as near as {:.1e} (rad, fractions of lengths) to a singular position at t = {} s: \
+             dimensions that differ by {:.0e} would let branches meet there, and other errors of them would lead to \
+             another one",
+            nearest.part.recip().sqrt(),
+            six_digits(nearest.t),
+            nearest.part.recip()
+        )
+    })
 }
 
 /// Judge a run that has ended: add findings to those `found` already, and decide its success. An invalidating finding

@@ -10,9 +10,7 @@ use crate::tree::{Tree, TreeScratch};
 use crate::value::{self, failed, finite, Abscissa, Callers, Functions, Instant};
 use partita_math::scalar::{Arguments, Scalar};
 use partita_math::spatial::Space;
-use partita_math::tolerance;
 use partita_system::SystemError;
-use std::f64::consts::TAU;
 
 /// Maximum number of readings of a function.
 const MOST: usize = value::READINGS;
@@ -184,8 +182,7 @@ impl<S: Scalar> Law<S> {
     }
 }
 
-/// The values of a user-defined function at readings and rates. Near half a turn of a reading whose whole turns are not
-/// counted it must have the same values a turn further on: otherwise the next position might jump.
+/// The values of a user-defined function at readings and rates.
 fn called<S: Scalar>(
     k: usize,
     callers: &Callers,
@@ -202,16 +199,10 @@ fn called<S: Scalar>(
             finite(found, name, t)
         };
         let found = ask(x)?;
-        for i in (0..x.len()).filter(|&i| uncounted(i) && x[i].abs() > tolerance::HALF_TURN) {
-            let mut beside = [0.0; MOST];
-            beside[..x.len()].copy_from_slice(x);
-            beside[i] -= TAU.copysign(x[i]);
-            let other = ask(&beside[..x.len()])?;
-            let size = found.iter().chain(&other).fold(0.0, |m: f64, y| m.max(y.abs()));
-            if found.iter().zip(&other).any(|(a, b)| (a - b).abs() > tolerance::EQUAL * size) {
-                return Err(SystemError::Uncounted { what: name.to_string(), by: x[i] });
-            }
-        }
+        value::alike_a_turn_on((0..x.len()).filter(|&i| uncounted(i)), x, &found, name, |x, out| {
+            out.copy_from_slice(&ask(x)?);
+            Ok(())
+        })?;
         Ok(found)
     })
 }

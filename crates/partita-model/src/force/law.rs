@@ -3,7 +3,7 @@
 use super::spot::Spot;
 use super::{At, Effect, ForceApplication, Room};
 use crate::measurement::Measurement;
-use crate::value::failed;
+use crate::value::{alike_a_turn_on, failed};
 use partita_math::scalar::{Arguments, Functions, Scalar};
 use partita_math::spatial::{Mat3, Space, Vec3};
 use partita_system::SystemError;
@@ -25,6 +25,15 @@ impl<G: Space> Seen<G> {
         match self {
             Self::Point(p) | Self::Body(p, _) => vec![p.attachment.link],
             Self::Joint(r) => r.links.to_vec(),
+        }
+    }
+
+    /// How many numbers it shows, and whether the first is an angle whose whole turns are not counted.
+    pub(crate) fn shown(&self) -> (usize, bool) {
+        match self {
+            Self::Point(_) => (6, false),
+            Self::Body(..) => (18, false),
+            Self::Joint(reading) => (2, reading.wraps),
         }
     }
 
@@ -68,6 +77,8 @@ pub struct Law<G: Space> {
     pub sees: Vec<Seen<G>>,
     /// Sizes of the numbers it reads.
     pub sizes: Vec<f64>,
+    /// Places among them of angles whose whole turns are not counted.
+    pub uncounted: Vec<usize>,
     /// Points at which it acts.
     pub on: Vec<Spot<G>>,
     /// World axes from mechanism axes.
@@ -84,7 +95,11 @@ impl<G: Space> Law<G> {
         let given = Arguments { t: at.instant.t, q: &seen[..], v: &[], q_sizes: &self.sizes, v_sizes: &[] };
         let functions = &at.instant.callers.functions;
         G::S::call_into(given, plain, answers, |t, seen, _, out| {
-            functions.law(self.function, t, seen, out).map_err(|e| failed(&self.name, e))?;
+            let ask = |seen: &[f64], out: &mut [f64]| {
+                functions.law(self.function, t, seen, out).map_err(|e| failed(&self.name, e))
+            };
+            ask(seen, out)?;
+            alike_a_turn_on(self.uncounted.iter().copied(), seen, out, &self.name, ask)?;
             match out.iter().all(|x| x.is_finite()) {
                 true => Ok(()),
                 false => Err(SystemError::NotFinite { what: self.name.clone(), t }),

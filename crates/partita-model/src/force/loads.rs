@@ -5,6 +5,7 @@ use super::law::Seen;
 use super::spot::Spot;
 use super::{Buffer, Bushing, Contact, Element, Gravity, Law, Rope, Surface, Tyre, Weightless};
 use crate::error::DescriptionError;
+use crate::mechanics::places_uncounted;
 use crate::numbers::DescribedForce;
 use crate::spec::{self, Force, Sight};
 use crate::value::VectorSource;
@@ -199,6 +200,7 @@ impl<G: Space> Maker<'_, G> {
         let spec::Value::Function(function) = x.value else {
             return Err(DescriptionError::new("force", &x.name, "its value is not a function"));
         };
-        Ok(Law { name: x.name.clone(), function, sees, sizes, on, out })
+        let uncounted = places_uncounted(0, sees.iter().map(Seen::shown));
+        Ok(Law { name: x.name.clone(), function, sees, sizes, uncounted, on, out })
     }
 }

@@ -49,6 +49,14 @@ impl<G: Space> CutSight<G> {
         }
     }
 
+    /// How many numbers each list has of it, and whether the first is an angle whose whole turns are not counted.
+    pub(crate) fn shown(&self) -> (usize, bool) {
+        match self {
+            Self::Coordinate(reading) => (1, reading.wraps),
+            Self::Turn { .. } => (12, false),
+        }
+    }
+
     /// Positions and rates appended to the numbers in both lists, equally many. For a rotation: the cosines between the
     /// axes, row by row, with no rates, then the rates about the axes of the child, with no positions.
     pub(crate) fn show(&self, at: &At<G>, q: &mut Vec<G::S>, v: &mut Vec<G::S>) {

@@ -363,6 +363,9 @@ impl Scales for Model {
     fn characteristic_displacement(&self, i: usize) -> f64 {
         self.displacement[i]
     }
+    fn drawing_errors(&self) -> (f64, f64) {
+        (self.geometry.geometric_error(), self.spec.drawing_tolerance)
+    }
     fn row_displacement(&self, i: usize) -> Option<f64> {
         self.row_displacement[i]
     }

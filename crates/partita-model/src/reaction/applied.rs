@@ -55,7 +55,8 @@ impl<S: Scalar> Evaluator<S> {
         let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
         let (q, v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
         for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
-            let effect = e.wrench(&At { tree: &self.full, s: &s.full, instant: self.instant(t, q, v) }, &mut room)?;
+            let effect =
+                e.wrench(&At { tree: &self.full, s: &s.full, instant: self.seen_instant(t, q, v) }, &mut room)?;
             let own = match &effect.application {
                 ForceApplication::Along(_, effort) => effort.abs().scale(per_length.min(1.0)),
                 ForceApplication::On(p) | ForceApplication::Between(_, p) => size(p),

@@ -416,7 +416,7 @@ fn back(factor: &[f64], m: usize, rank: usize, x: &mut [f64]) {
 }
 
 fn again<'a>(at: &Instant<'a, f64>) -> Instant<'a, f64> {
-    Instant { t: at.t, q: at.q, v: at.v, callers: at.callers }
+    Instant { t: at.t, q: at.q, v: at.v, callers: at.callers, uncounted: at.uncounted }
 }
 
 /// Component of the load along all velocities.

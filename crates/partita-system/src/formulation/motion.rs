@@ -48,6 +48,8 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     describer: Describer<'s, S>,
     /// Margin at the end of the step that was judged.
     margin: Option<(f64, u64)>,
+    /// Of the dimensions.
+    drawing_errors: (f64, f64),
     /// Whether anything was evaluated since.
     moved: bool,
     /// Time of the levels last evaluated.
@@ -92,6 +94,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             positions,
             observes_work: system.has_power() || system.rheonomic(),
             margin: None,
+            drawing_errors: system.drawing_errors(),
             moved: true,
             levels_at: f64::NAN,
             planned_from: false,

@@ -243,6 +243,11 @@ pub trait Scales {
     fn characteristic_displacement(&self, _i: usize) -> f64 {
         1.0
     }
+    /// Errors of the dimensions (rad, fractions of lengths): the largest that was removed, and the largest that there
+    /// may be.
+    fn drawing_errors(&self) -> (f64, f64) {
+        (0.0, 0.0)
+    }
 }
 
 /// Names, for messages and reports.

@@ -18,6 +18,10 @@ pub(super) struct Checks {
     /// ones.
     trial_sizes: (f64, f64),
     sizes: (f64, f64),
+    /// The distance from a singular position, as in the checks, where it has fallen up to the end of the step that is
+    /// judged, and of the one before.
+    trial_nearest: Gap,
+    nearest: Gap,
     /// Velocities as integrated, before their error of S4 is removed.
     integrated: Vec<f64>,
     pub(super) taken: StepChecks,
@@ -78,10 +82,22 @@ impl Checks {
         self.trial.hidden = Gap { part: 1.0, t, row: guard };
     }
 
+    /// The end of a step, at this distance from a singular position, the start at the distance `before`. What comes near and
+    /// recedes without crossing one has passed it.
+    fn approach(&mut self, near: Gap, before: Option<f64>, crosses: bool) {
+        let falls = before.is_some_and(|before| near.part > (before * before).recip());
+        self.trial_nearest = if falls && !crosses { near } else { Gap::default() };
+        if !falls && !crosses {
+            self.trial.nearest = self.nearest;
+        }
+    }
+
     /// The step that was examined is accepted.
     pub(super) fn accept(&mut self) {
         self.sizes = self.trial_sizes;
+        self.nearest = self.trial_nearest;
         self.taken.raise(&self.trial);
+        self.taken.near_end = self.nearest;
     }
 
     /// An output, the point last evaluated.
@@ -100,10 +116,27 @@ impl Checks {
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
     /// Compare the end of a step, the point last evaluated, with the state before it.
     pub(super) fn check_step(&mut self, t: f64) {
-        let distance = self.tangent.distance_of_drift();
+        let (distance, near) = (self.tangent.distance_of_drift(), self.near(t));
         let r = self.tangent.seen();
         let drift = distance.map(|distance| (r.gap().0, distance));
         self.checks.look(t, r, &self.vdot, drift);
+        self.checks.trial.nearest = Gap::default();
+        let part = near.map_or(0.0, |d| (d * d).recip());
+        let passes = self.monitor.crosses_now();
+        let [before, _] = self.margins();
+        self.checks.approach(Gap { part, t, row: 0 }, before, passes);
+    }
+
+    /// Distance of the mechanism from a singular position at the end of a step, the point last evaluated, where errors of
+    /// its dimensions may have opened what meets there.
+    fn near(&self, t: f64) -> Option<f64> {
+        let (removed, possible) = self.drawing_errors;
+        let limit = possible.max(removed / tolerance::BRANCH_BY_ERROR);
+        let within = |d: &f64| d * d < limit;
+        let kept = self.margin.map(|m| m.0).filter(within)?;
+        // rows that are kept come near to dependence elsewhere as well
+        let of_mechanism = self.others(t, self.positions.q()).map_or(kept, |x| x.distance.max(kept));
+        Some(of_mechanism).filter(within)
     }
 
     /// Violations at an output, the point last evaluated.

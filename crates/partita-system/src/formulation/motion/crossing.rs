@@ -38,9 +38,9 @@ const JUDGED_NEAR: f64 = 0.05;
 const MOST_SPOILT: u32 = 6;
 
 /// Rows that may replace those kept, and the distance of the mechanism from a singular position by them.
-struct Others {
+pub(super) struct Others {
     rows: Vec<usize>,
-    distance: f64,
+    pub(super) distance: f64,
 }
 
 /// Motion since the last singular position, and indications of the next from the current and the last step.
@@ -128,6 +128,11 @@ impl CrossingMonitor {
         self.flipped || self.passed || self.crosses_next || self.crossing.zero().is_some()
     }
 
+    /// Is the step that was judged one across a singular position?
+    pub(super) fn crosses_now(&self) -> bool {
+        self.flipped || self.passed || self.crosses_next
+    }
+
     /// Did C_D change sides over the step that was judged?
     pub(super) fn flipped(&self) -> bool {
         self.flipped
@@ -213,7 +218,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// Of redundant rows those kept lose rank in positions where the mechanism is regular: those that serve best at (t,
     /// q). None where there are no other rows.
-    fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
+    pub(super) fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
         if !self.is_redundant() {
             return None;
         }
