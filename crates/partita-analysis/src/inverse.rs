@@ -16,6 +16,7 @@ use partita_math::factor;
 use partita_math::quadratic::ProgramError;
 use partita_math::spatial::Vec3;
 use partita_math::tolerance;
+use partita_model::freed::{Along, Freed};
 use partita_model::model::{ModelScratch, Silent};
 use partita_model::rows::Owner;
 use partita_model::spec::{Drive, Force, Level, Measure, Value};
@@ -117,8 +118,8 @@ pub struct Inverse {
     names: Vec<String>,
     /// Row of `actuated` for each row of `released`.
     rows: Vec<usize>,
-    /// Velocities that a measurement depends on.
-    moved: Vec<usize>,
+    /// Its bodies with all joints open.
+    freed: Freed,
     /// Rotations that move nothing else.
     idle: usize,
 }
@@ -134,7 +135,6 @@ pub(crate) struct Room {
     residual: Vec<f64>,
     md: Vec<f64>,
     hd: Vec<f64>,
-    inverse: Vec<f64>,
     /// E.
     pub(crate) columns: Vec<Vec<(usize, f64)>>,
     /// Factors of the rows of each actuator.
@@ -191,17 +191,12 @@ impl Inverse {
         for (row, own) in rows_between(&actuated, &released).into_iter().enumerate() {
             rows[row] = own.unwrap_or(row);
         }
-        let pattern = actuated.pattern();
-        let mut moved: Vec<usize> =
-            levers.iter().flat_map(|l| &l.rows).flat_map(|&row| &pattern.col_idx[pattern.row(row)]).copied().collect();
-        moved.sort_unstable();
-        moved.dedup();
         let names = actuators.iter().map(|a| a.name.clone()).collect();
         let turning = levers.iter().any(|l| l.axis.is_some());
         let along = |row: usize| actuated.drives.iter().any(|d| d.row == row && d.velocity().is_some());
         let constant = !turning && levers.iter().flat_map(|l| &l.rows).all(|&row| along(row));
-        let idle = idle(&released).len();
-        Ok(Self { actuated: Arc::new(actuated), released, levers, turning, constant, names, rows, moved, idle })
+        let (idle, freed) = (idle(&released).len(), actuated.freed());
+        Ok(Self { actuated: Arc::new(actuated), released, levers, turning, constant, names, rows, freed, idle })
     }
 
     /// Whether E is the same at all positions, its rate zero.
@@ -217,6 +212,16 @@ impl Inverse {
     /// Number of actuators.
     pub fn count(&self) -> usize {
         self.levers.len()
+    }
+
+    /// A large value of the measurement of actuator `j`: 1 for an angle, a length for a displacement.
+    pub(crate) fn size(&self, j: usize) -> f64 {
+        let turns = self.levers[j].rows.iter().any(|&row| self.actuated.row_is_angle(row));
+        if turns {
+            1.0
+        } else {
+            self.actuated.placed.length
+        }
     }
 
     /// Their names.
@@ -242,7 +247,6 @@ impl Inverse {
             residual: vec![0.0; n],
             md: vec![0.0; k * k],
             hd: vec![0.0; k],
-            inverse: vec![0.0; n * self.moved.len()],
             columns: self.levers.iter().map(|l| Vec::with_capacity(self.width(l))).collect(),
             factors: vec![[1.0; 3]; self.levers.len()],
         }
@@ -322,18 +326,14 @@ impl Inverse {
         Ok(())
     }
 
-    /// |k_s|² = E_sᵀ M⁻¹ E_s of each actuator at the last positions of both models.                    (19)
+    /// |k_s|² of each actuator at the positions of the last `columns`, with all joints open.                (19)
     pub(crate) fn lengths2(&self, t: f64, q: &[f64], room: &mut Room) -> Result<Vec<f64>, SystemError> {
-        let (width, r) = (self.moved.len(), &mut room.reduction);
-        r.system.inverse_mass_columns(t, q, &self.moved, &mut r.scratch, &mut room.inverse)?;
-        let index = |i: usize| self.moved.binary_search(&i).unwrap_or(0);
-        let square = |column: &Vec<(usize, f64)>| {
-            let entry = |&(i, x): &(usize, f64)| {
-                column.iter().map(|&(j, y)| x * y * room.inverse[i * width + index(j)]).sum::<f64>()
-            };
-            column.iter().map(entry).sum::<f64>().max(0.0)
+        self.actuated.look(q, &room.still, &mut room.scratch);
+        let length2 = |(lever, factors): (&Lever, &[f64; 3])| {
+            let rows = lever.rows.iter().zip(factors).map(|(&row, factor)| (Along::Row(row), *factor));
+            self.freed.length2(&self.actuated, (t, q), &room.scratch, rows)
         };
-        Ok(room.columns.iter().map(square).collect())
+        self.levers.iter().zip(&room.factors).map(length2).collect()
     }
 
     /// The set at (t, q): B and its margin, with the choice of coordinates left in the reduction.
@@ -346,14 +346,8 @@ impl Inverse {
         r.system.velocity(t, q, &room.still, &mut r.scratch, &mut r.b)?;
         let tangent = Tangent { k, dt: &r.dt, delta: &room.still };
         r.system.project(t, q, &room.still, &tangent, &mut r.scratch, &mut room.md, &mut room.hd)?;
-        if r.system.lacks_mass() {
-            let n = room.still.len();
-            let mut more = Matrix::new(n, n);
-            r.system.add_metric(&mut r.scratch, more.data_mut());
-            let d = Matrix::from_vec(n, k, r.dt.clone());
-            let more = d.transpose().matmul(&more).matmul(&d);
-            room.md.iter_mut().zip(more.data()).for_each(|(x, y)| *x += y);
-        }
+        let d: Vec<Vec<f64>> = (0..k).map(|c| (0..room.still.len()).map(|i| r.dt[i * k + c]).collect()).collect();
+        self.freed.add_lacking(&self.actuated, q, &d, &mut room.scratch, &mut room.md);
         let mut b = Matrix::new(k, room.columns.len());
         actuation::reduced(&r.dt, k, room.columns.iter().map(Vec::as_slice), b.data_mut());
         Ok(Actuation::new(b, &room.md, &lengths2).map_err(|e| match e {

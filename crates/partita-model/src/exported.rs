@@ -13,6 +13,7 @@
 //! branch does not serve.
 
 use crate::evaluator::Evaluator;
+use crate::freed::Along;
 use crate::loop_closure::STRAIGHT;
 use crate::model::Model;
 use crate::reduced::Reduced;
@@ -289,9 +290,10 @@ impl<'m> Inputs<'m> {
     }
 
     /// Mass matrix in the rates of the named velocities, idle rotations left to themselves, and |k_s|², which is 1 over
-    /// what each moves with the loops open: the largest eigenvalue of |k_i| M_ij |k_j| is 1 / margin².
+    /// what each moves with all joints open: the largest eigenvalue of |k_i| M_ij |k_j| is 1 / margin².
     fn inertia(&self, name: &str) -> Result<CFunction, SystemError> {
         let (k, n, nv) = (self.reduction.choice().columns, self.named.len(), self.model.size().nv);
+        let freed = self.model.freed();
         let function = Function {
             name: name.to_string(),
             inputs: vec![Numbers::array("q", self.model.size().nq)],
@@ -300,10 +302,11 @@ impl<'m> Inputs<'m> {
         function.record(|q| {
             let (t, room) = (Recorder::from_f64(self.t), |n: usize| vec![Recorder::zero(); n]);
             let mut s = self.e.scratch();
+            self.e.look(q, &room(nv), &mut s);
+            let length2 =
+                |&i| freed.length2(&self.e, (t, q), &s, std::iter::once((Along::Velocity(i), Recorder::one())));
+            let lengths2 = self.named.iter().map(length2).collect::<Result<Vec<_>, _>>()?;
             let (dt, excess) = self.tangent(q, &mut s)?;
-            let mut diagonal = room(nv);
-            self.e.inverse_mass_diagonal(&mut s, &mut diagonal);
-            let lengths2 = self.named.iter().map(|&i| diagonal[i]);
             let (rest, mut md, mut hd) = (room(nv), room(k * k), room(k));
             self.e.velocity(t, q, &rest, &mut s, &mut room(self.model.size().rows))?;
             self.e.project(t, q, &rest, (k, &dt, &rest), &mut s, &mut md, &mut hd)?;

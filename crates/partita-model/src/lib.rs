@@ -13,6 +13,7 @@ pub mod error;
 pub mod evaluator;
 mod exported;
 pub mod force;
+pub mod freed;
 mod friction_magnitudes;
 mod guards;
 pub mod joint;

@@ -51,60 +51,67 @@ pub fn weigh(placed: &mut Placed, spec: &Spec) {
     placed.massless = massless(placed);
 }
 
+/// Mass and inertia that bodies lack in a metric.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lacking {
+    /// Mass.
+    pub(crate) mass: f64,
+    /// Inertia about their centre.
+    pub(crate) inertia: Mat3<f64>,
+}
+
 /// The inertia that links lack in a metric.
 pub fn massless(placed: &Placed) -> Vec<Massless> {
-    let heaviest = heaviest(placed);
-    if heaviest <= 0.0 {
-        return Vec::new();
-    }
-    let count = placed.links.len();
-    let (mut mass, mut first) = (vec![0.0; count], vec![Vec3::<f64>::zero(); count]);
-    for b in &placed.bodies {
-        mass[b.link] += b.mass;
-        first[b.link] += b.com.times(b.mass);
-    }
-    let (around, mut on_link) = (around(placed), vec![Vec::new(); count]);
+    let (around, mut on_link) = (around(placed), vec![Vec::new(); placed.links.len()]);
     for (i, b) in placed.bodies.iter().enumerate() {
         on_link[b.link].push(i);
     }
-    let centre = |l: usize| if mass[l] > 0.0 { first[l].times(1.0 / mass[l]) } else { placed.links[l].point };
-    let mut found = Vec::new();
-    for link in 1..count {
-        let on = &on_link[link];
-        if on.is_empty() {
-            continue; // a step of a joint with several motions
-        }
-        let (at, mut inertia, mut radius) = (centre(link), Mat3::zero(), 0.0f64);
-        for &i in on {
-            let b = &placed.bodies[i];
-            inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - at));
-            radius = points(placed, &around, i).fold(radius, |r, p| r.max((p - at).norm()));
-        }
-        // a body held in its centre has the arm of its own inertia, however large the mechanism is
-        let least = tolerance::SOLUTION_ROUNDING * placed.size;
-        let turning = (0..3).fold(0.0, |m: f64, i| m.max(inertia.0[i][i]));
-        let gyration = if mass[link] > 0.0 { (turning / mass[link]).sqrt() } else { 0.0 };
-        let own = gyration > least;
-        let nothing = if own { least.max(tolerance::EQUAL * gyration) } else { tolerance::EQUAL * placed.size };
-        if radius <= nothing {
-            radius = if own { gyration } else { placed.length };
-        }
-        let missing = if mass[link] < MASSLESS * heaviest { MASSLESS_COUNTS * heaviest - mass[link] } else { 0.0 };
-        let mut more = all_round(missing * radius * radius);
-        let whole_round = (mass[link] + missing) * radius * radius;
-        let whole = inertia.add(&more);
-        let Ok((moments, axes)) = symmetric_eigen(&Matrix::from_vec(3, 3, whole.0.as_flattened().to_vec())) else {
-            continue; // not finite: refused elsewhere
-        };
-        for (j, moment) in moments.iter().enumerate().filter(|(_, m)| **m < MASSLESS * whole_round) {
-            let axis = Vec3([axes[(0, j)], axes[(1, j)], axes[(2, j)]]);
-            more = more.add(&along(axis, MASSLESS_COUNTS * whole_round - moment));
-        }
-        if missing > 0.0 || more.0.as_flattened().iter().any(|x| *x != 0.0) {
-            found.push(Massless { link, mass: missing, inertia: more });
-        }
+    let of = |(link, on): (usize, &Vec<usize>)| {
+        let sum = |x: &dyn Fn(usize) -> Vec3<f64>| on.iter().fold(Vec3::zero(), |sum, &i| sum + x(i));
+        let mass: f64 = on.iter().map(|&i| placed.bodies[i].mass).sum();
+        let first = sum(&|i| placed.bodies[i].com.times(placed.bodies[i].mass));
+        let centre = if mass > 0.0 { first.times(1.0 / mass) } else { placed.links[link].point };
+        let Lacking { mass, inertia } = lacking(placed, &around, on, centre)?;
+        Some(Massless { link, mass, inertia })
+    };
+    // where there are no bodies: a step of a joint with several motions
+    on_link.iter().enumerate().skip(1).filter(|x| !x.1.is_empty()).filter_map(of).collect()
+}
+
+/// What these bodies, moving as one about their `centre`, lack in a metric; none where they have it.
+pub(crate) fn lacking(placed: &Placed, around: &[Vec<usize>], on: &[usize], centre: Vec3<f64>) -> Option<Lacking> {
+    let heaviest = heaviest(placed);
+    if heaviest <= 0.0 {
+        return None;
     }
-    found
+    let mass: f64 = on.iter().map(|&i| placed.bodies[i].mass).sum();
+    let (mut inertia, mut radius) = (Mat3::zero(), 0.0f64);
+    for &i in on {
+        let b = &placed.bodies[i];
+        inertia = inertia.add(&b.inertia).add(&Mat3::steiner(b.mass, b.com - centre));
+        radius = points(placed, around, i).fold(radius, |r, p| r.max((p - centre).norm()));
+    }
+    // a body held in its centre has the arm of its own inertia, however large the mechanism is
+    let least = tolerance::SOLUTION_ROUNDING * placed.size;
+    let turning = (0..3).fold(0.0, |m: f64, i| m.max(inertia.0[i][i]));
+    let gyration = if mass > 0.0 { (turning / mass).sqrt() } else { 0.0 };
+    let own = gyration > least;
+    let nothing = if own { least.max(tolerance::EQUAL * gyration) } else { tolerance::EQUAL * placed.size };
+    if radius <= nothing {
+        radius = if own { gyration } else { placed.length };
+    }
+    let missing = if mass < MASSLESS * heaviest { MASSLESS_COUNTS * heaviest - mass } else { 0.0 };
+    let mut more = all_round(missing * radius * radius);
+    let whole_round = (mass + missing) * radius * radius;
+    let whole = inertia.add(&more);
+    // not finite: refused elsewhere
+    let (moments, axes) = symmetric_eigen(&Matrix::from_vec(3, 3, whole.0.as_flattened().to_vec())).ok()?;
+    for (j, moment) in moments.iter().enumerate().filter(|(_, m)| **m < MASSLESS * whole_round) {
+        let axis = Vec3([axes[(0, j)], axes[(1, j)], axes[(2, j)]]);
+        more = more.add(&along(axis, MASSLESS_COUNTS * whole_round - moment));
+    }
+    let lacks = missing > 0.0 || more.0.as_flattened().iter().any(|x| *x != 0.0);
+    lacks.then_some(Lacking { mass: missing, inertia: more })
 }
 
 /// `m e eᵀ`.

@@ -241,6 +241,9 @@ pub struct StepChecks {
     pub nearest: Gap,
     /// As `nearest`, at the end of the last step, which comes nearer to one.
     pub near_end: Gap,
+    /// The longest motion, in characteristic displacements, over which the mechanism is nearer to a singular position than
+    /// the errors that were removed from its dimensions. It has no row.
+    pub by_errors: Gap,
     /// Φ and C v + a at the outputs, relative as at the ends of steps.
     pub outputs: Gaps,
     /// The fastest rate at an output, over what speeds and accelerations at the ends of the steps so far explain. It
@@ -264,6 +267,7 @@ impl StepChecks {
         self.jump = self.jump.worse(other.jump);
         self.branch = self.branch.worse(other.branch);
         self.nearest = self.nearest.worse(other.nearest);
+        self.by_errors = self.by_errors.worse(other.by_errors);
         self.outputs.raise(&other.outputs);
         self.surge = self.surge.worse(other.surge);
         self.hidden = self.hidden.worse(other.hidden);

@@ -62,7 +62,7 @@ _ABOUT = {
     "to_actuators": "Positions of the actuators from those of the joints. q: a position near by, then the one found.",
     "jacobian": "Rates of the joints (rows) per rate of each actuator (columns).",
     "inverse_jacobian": "Rates of the actuators (rows) per rate of each joint (columns).",
-    "inertia": "Mass matrix in the rates of the actuators; lengths2: 1 over what each moves with all loops open.",
+    "inertia": "Mass matrix in the rates of the actuators; lengths2: 1 over what each moves with all joints open.",
     "joint_rates": "Rates of the joints from those of the actuators.",
     "actuator_rates": "Rates of the actuators from those of the joints.",
     "actuator_torques": "Efforts of the actuators that do what these efforts on the joints do.",

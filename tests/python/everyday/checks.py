@@ -185,8 +185,11 @@ def ensemble(j: Judged) -> None:
         j.verdict.wrong.append(f"ensemble: {found.status}, though the case runs")
         return
     q, v = found.q[[0, 2], -1], found.v[[0, 2], -1]
-    scale = max(1.0, float(np.abs(j.reference.q[-1]).max())), max(j.case.pace, float(np.abs(j.reference.v[-1]).max()))
-    off = max(np.abs(q - j.reference.q[-1]).max() / scale[0], np.abs(v - j.reference.v[-1]).max() / scale[1])
+    reference = j.reference
+    if j.case.options.get("coordinates") == "absolute":  # which an ensemble has not
+        reference = run(j.mechanism, j.case, j.start, times, max_step=j.case.finest, **TIGHT)
+    scale = max(1.0, float(np.abs(reference.q[-1]).max())), max(j.case.pace, float(np.abs(reference.v[-1]).max()))
+    off = max(np.abs(q - reference.q[-1]).max() / scale[0], np.abs(v - reference.v[-1]).max() / scale[1])
     j.verdict.seen("ensemble", float(off), j.allowed, f"growth {j.growth:.1f}")
 
 

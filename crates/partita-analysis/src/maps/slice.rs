@@ -66,8 +66,6 @@ pub(super) struct Evaluation {
     pub measure: f64,
     /// ψ for the rows of constraints, and for the measurements.
     left: (Vec<f64>, Vec<f64>),
-    /// Lengths of the rows of the measurements.
-    lengths: Vec<f64>,
     /// w.
     motion: Vec<f64>,
 }
@@ -181,7 +179,7 @@ impl<'m> Slice<'m> {
             let rows = self.rows(q)?;
             moving.resize(rows.len(), false);
             for (moves, row) in moving.iter_mut().zip(&rows) {
-                *moves |= row.iter().any(|x| x.abs() > tolerance::NULL_VALUE * self.field.model.placed.length);
+                *moves |= row.iter().any(|x| x.abs() > tolerance::NULL_VALUE);
             }
         }
         self.resting = moving.iter().map(|moves| !moves).collect();
@@ -255,7 +253,8 @@ impl<'m> Slice<'m> {
         svd_full(&g).map_err(|_| self.not_finite())
     }
 
-    /// Rows of the measurements at q, in natural scales.
+    /// Rows of the measurements at q, in natural scales: over what is large for each, the same everywhere. Over their
+    /// lengths in the coordinates of the tree they would not vanish at a dead point of a joint that closes a loop.
     fn rows(&mut self, q: &[f64]) -> Result<Vec<Vec<f64>>, SystemError> {
         let n = self.rest.len();
         let displacement = &self.field.displacement;
@@ -265,12 +264,12 @@ impl<'m> Slice<'m> {
                 if !x.is_constant() || room.columns.iter().any(Vec::is_empty) {
                     x.columns(self.field.t, q, room)?;
                 }
-                let row = |column: &Vec<(usize, f64)>| {
-                    let mut row = vec![0.0; n];
-                    column.iter().for_each(|&(i, e)| row[i] += e * displacement[i]);
+                let row = |(j, column): (usize, &Vec<(usize, f64)>)| {
+                    let (mut row, size) = (vec![0.0; n], x.size(j));
+                    column.iter().for_each(|&(i, e)| row[i] += e * displacement[i] / size);
                     row
                 };
-                Ok(room.columns.iter().map(row).collect())
+                Ok(room.columns.iter().enumerate().map(row).collect())
             }
             (Set::Outputs(targets), _) => {
                 let mut rows = Vec::with_capacity(targets.len());
@@ -281,7 +280,7 @@ impl<'m> Slice<'m> {
                     let (mut row, mut at) = (vec![0.0; n], x.velocities.iter());
                     x.rates(self.field.model, q, &mut self.rest, &mut self.scratch, |g| {
                         if let Some(&i) = at.next() {
-                            row[i] = g * displacement[i];
+                            row[i] = g * displacement[i] / x.displacement;
                         }
                     });
                     rows.push(row);
@@ -307,28 +306,25 @@ impl<'m> Slice<'m> {
             let last = self.rank.saturating_sub(1);
             let column = |x: &Matrix| (0..x.rows()).map(|i| x[(i, last)]).collect::<Vec<_>>();
             let left = (if self.rank == 0 { Vec::new() } else { column(&f.u) }, Vec::new());
-            return Ok(Evaluation { slice, measure: weakest, left, lengths: Vec::new(), motion: column(&f.v) });
+            return Ok(Evaluation { slice, measure: weakest, left, motion: column(&f.v) });
         }
         let rows = self.rows(q)?;
-        let lengths: Vec<f64> = rows.iter().map(|x| dense::dot(x, x).sqrt().max(f64::MIN_POSITIVE)).collect();
         let mut p = Matrix::new(rows.len(), k);
-        for (i, (row, length)) in rows.iter().zip(&lengths).enumerate() {
-            motions.iter().enumerate().for_each(|(j, x)| p[(i, j)] = dense::dot(row, x) / length);
+        for (i, row) in rows.iter().enumerate() {
+            motions.iter().enumerate().for_each(|(j, x)| p[(i, j)] = dense::dot(row, x));
         }
         let set = svd(&p).map_err(|_| self.not_finite())?;
         let motion = combined(&motions, |j| set.v[(j, k - 1)]);
         let u: Vec<f64> = (0..rows.len()).map(|i| set.u[(i, k - 1)]).collect();
         let mut row = vec![0.0; self.rest.len()];
-        for ((x, u), length) in rows.iter().zip(&u).zip(&lengths) {
-            dense::axpy(u / length, x, &mut row);
-        }
+        rows.iter().zip(&u).for_each(|(x, u)| dense::axpy(*u, x, &mut row));
         // what the constraints add to cancel the row across the motions
         let mut across = vec![0.0; f.u.rows()];
         for j in 0..self.rank {
             let along: f64 = (0..row.len()).map(|i| row[i] * f.v[(i, j)]).sum::<f64>() / f.s[j];
             (0..across.len()).for_each(|i| across[i] -= along * f.u[(i, j)]);
         }
-        Ok(Evaluation { slice, measure: set.s[k - 1], left: (across, u), lengths, motion })
+        Ok(Evaluation { slice, measure: set.s[k - 1], left: (across, u), motion })
     }
 
     /// ψᵀ A(q) w with ψ and w of another place; the field is left at q.
@@ -337,7 +333,7 @@ impl<'m> Slice<'m> {
         let (across, u) = &place.left;
         let of_constraints: f64 = across.iter().enumerate().map(|(i, x)| x * self.field.along(i, &place.motion)).sum();
         let rows = self.rows(q)?;
-        let of_set = rows.iter().zip(u).zip(&place.lengths).map(|((row, u), l)| u * dense::dot(row, &place.motion) / l);
+        let of_set = rows.iter().zip(u).map(|(row, u)| u * dense::dot(row, &place.motion));
         Ok(of_constraints + of_set.sum::<f64>())
     }
 

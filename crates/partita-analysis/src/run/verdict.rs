@@ -22,6 +22,10 @@ const JUMPS: (f64, f64) = (1e-3, 1e-1);
 /// explain larger changes than tight ones, up to a fiftieth.
 const JUMPS_EXPLAINED: f64 = 2e-2;
 
+/// A motion longer than this along which the mechanism is singular up to the errors of its drawing is another one than was
+/// drawn. Unit: characteristic displacement. Reason: singular positions are points that a motion passes at once.
+const HELD_BY_ERRORS: f64 = 0.05;
+
 /// One finding of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
@@ -121,6 +125,14 @@ impl Limits {
                  distance from it, so that this error decides the branch; use a formulation that closes the loops \
                  (\"projective\")",
                 checks.branch.part
+            )
+        });
+        look(checks.by_errors, (HELD_BY_ERRORS, HELD_BY_ERRORS), &|t| {
+            format!(
+                "up to t = {t} s the motion follows a branch on which the loops hold the mechanism by errors of its \
+                 drawing alone (dimensions off by {:.1e} were changed to fit, within the drawing tolerance): an exact \
+                 drawing has more degrees of freedom there; give the dimensions more exactly",
+                system.drawing_errors().0
             )
         });
         Self::judge_branch(system, checks.nearest, found);

@@ -10,6 +10,7 @@
 use super::{drives, Model};
 use crate::compile;
 use crate::error::DescriptionError;
+use crate::freed::Freed;
 use crate::numbers::Numbers;
 use crate::spec::{Drive, Force, Level, Spec, Value, VectorValue};
 use crate::value;
@@ -68,6 +69,11 @@ impl Model {
             Level::Position => [rate, growth],
             Level::Velocity => [x, rate],
         }))
+    }
+
+    /// Its bodies with all joints open.
+    pub fn freed(&self) -> Freed {
+        Freed::new(&self.spec, &self.placed)
     }
 
     /// Whether the rows of drives are those of actuators, which constrain nothing.

@@ -63,7 +63,7 @@ struct Known<S> {
 impl<S: Scalar> Evaluator<S> {
     /// Present free axes of a joint (rotations, translations), mechanism axes, in the order of its velocities; into
     /// `axes`.
-    fn free_axes(&self, j: usize, s: &Scratch<S>, axes: &mut Vec<(bool, Vec3<S>)>) {
+    pub(crate) fn free_axes(&self, j: usize, s: &Scratch<S>, axes: &mut Vec<(bool, Vec3<S>)>) {
         let p = &self.placed.joints[j];
         axes.clear();
         match &p.links {
@@ -101,6 +101,35 @@ impl<S: Scalar> Evaluator<S> {
         }
     }
 
+    /// The joint of the tree whose velocity this is, and which of its velocities.
+    pub(crate) fn joint_moved_by(&self, v: usize) -> Option<(usize, usize)> {
+        let mut velocities = Vec::new();
+        (0..self.placed.joints.len()).find_map(|j| {
+            self.velocities_of(j, &mut velocities);
+            Some((j, velocities.iter().position(|i| *i == v)?))
+        })
+    }
+
+    /// The unit effort along a velocity that no joint has: of a body in space.
+    pub(crate) fn push_along(&self, v: usize, s: &Scratch<S>, put: impl FnOnce([usize; 2], Wrench<S>, Vec3<S>)) {
+        let links = &self.placed.links;
+        let Some(link) = links.iter().skip(1).position(|l| l.v == v).map(|i| i + 1) else { return };
+        let carries = |mut on: usize| {
+            while on > link {
+                on = links[on].parent;
+            }
+            on == link
+        };
+        let Some(body) = self.placed.bodies.iter().position(|b| carries(b.link)) else { return };
+        let (x, mut w) = (&s.full.links[link], Wrench::default());
+        match links[link].motion {
+            Motion::Turn(_) => w.moment = x.axis,
+            Motion::Slide(_) => w.force = x.direction,
+            Motion::Ball => return, // none of them is a coordinate
+        }
+        put([0, body + 1], w, self.com_now(s, body));
+    }
+
     /// Velocities of a joint of the tree, in the order of its motions; into `velocities`.
     fn velocities_of(&self, j: usize, velocities: &mut Vec<usize>) {
         let p = &self.placed.joints[j];
@@ -131,7 +160,7 @@ impl<S: Scalar> Evaluator<S> {
         self.full.reference_point(link, &s.full) + self.arm_now(s, link, self.numbers.bodies[body].com)
     }
 
-    fn joint_point_now(&self, s: &Scratch<S>, j: usize) -> Vec3<S> {
+    pub(crate) fn joint_point_now(&self, s: &Scratch<S>, j: usize) -> Vec3<S> {
         let p = &self.placed.joints[j];
         let link = self.placed.link_of(p.child);
         self.full.reference_point(link, &s.full) + self.arm_now(s, link, self.numbers.joints[j].1)

@@ -22,6 +22,8 @@ pub(super) struct Checks {
     /// judged, and of the one before.
     trial_nearest: Gap,
     nearest: Gap,
+    /// The motion up to here for which errors of the dimensions alone have held the mechanism.
+    by_errors: Gap,
     /// Velocities as integrated, before their error of S4 is removed.
     integrated: Vec<f64>,
     pub(super) taken: StepChecks,
@@ -95,7 +97,7 @@ impl Checks {
     /// The step that was examined is accepted.
     pub(super) fn accept(&mut self) {
         self.sizes = self.trial_sizes;
-        self.nearest = self.trial_nearest;
+        (self.nearest, self.by_errors) = (self.trial_nearest, self.trial.by_errors);
         self.taken.raise(&self.trial);
         self.taken.near_end = self.nearest;
     }
@@ -125,6 +127,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let passes = self.monitor.crosses_now();
         let [before, _] = self.margins();
         self.checks.approach(Gap { part, t, row: 0 }, before, passes);
+        let moved = self.monitor.length().unwrap_or(0.0) * self.monitor.rate();
+        let by_errors = near.is_some_and(|d| d < self.drawing_errors.0) && !passes;
+        self.checks.trial.by_errors = match by_errors {
+            true => Gap { part: self.checks.by_errors.part + moved, t, row: 0 },
+            false => Gap::default(),
+        };
     }
 
     /// Distance of the mechanism from a singular position at the end of a step, the point last evaluated, where errors of
