@@ -199,12 +199,20 @@ def exact(j: Judged) -> None:
         in_other_words(j, "exact", replace(j.case, drawing=j.case.exact))
 
 
+def turns_over(j: Judged, found: pt.Result) -> bool:
+    """Whether a joint turns by more than the independent program, which reads angles from poses, can tell."""
+    hinges = [x.name for x in j.case.drawing.joints if x.kind in ("revolute", "cylindrical", "screw", "universal")]
+    return any(float(np.abs(np.asarray(found.joint(name).position)).max()) > 3.0 for name in hinges)
+
+
 def instants(j: Judged) -> None:
     """Accelerations, reactions and what of them is unique, by the independent program."""
     d = j.case.drawing
     if j.case.error or any(isinstance(x, TableCourse) for x in d.drives):
         return
     found = run(j.mechanism, j.case, j.start, j.case.times(3), **{**j.case.options, **TIGHT})
+    if turns_over(j, found):
+        return
     seen = Compared()
     look(d, j.mechanism, found, j.case.options.get("coordinates", "relative"), seen, j.rng)
     j.verdict.counts["instants"] += 1
@@ -215,6 +223,8 @@ def independent(j: Judged) -> None:
     """The motion, by the independent program, as far as a few dozen of its evaluations carry."""
     d = j.case.drawing
     if j.case.error or len(d.bodies) > 4 or any(isinstance(x, TableCourse) for x in d.drives):
+        return
+    if turns_over(j, j.reference):
         return
     frames = frames_of(d, j.reference)
     start = {b.name: j.reference.body(b.name) for b in d.bodies}

@@ -147,6 +147,14 @@ def run(m: pt.Mechanism, case: Case, start: pt.State, times: Any = None, **optio
     return found
 
 
+def nudged(c: Case, m: pt.Mechanism) -> pt.State:
+    """A little faster; refused in a position where what is nudged cannot move."""
+    try:
+        return c.start(m, NUDGE)
+    except pt.errors.PartitaError as error:
+        raise Refused(f"{type(error).__name__}: {error}") from error
+
+
 PASSES = "singular positions of the mechanism were crossed", "the motion comes as near as"
 
 
@@ -241,7 +249,7 @@ def prepared(c: Case, rng: Any, verdict: Verdict) -> Judged | None:
     try:
         tight = {"max_step": c.finest, **TIGHT, **{k: x for k, x in c.options.items() if k == "coordinates"}}
         reference = run(m, c, start, times, **tight)
-        beside = run(m, c, c.start(m, NUDGE), times, **tight)
+        beside = run(m, c, nudged(c, m), times, **tight)
     except Refused as error:
         verdict.counts[f"no reference: {cause_of(str(error))}"] += 1
         return None
