@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -368,3 +370,34 @@ def test_a_hinge_line_that_leans_a_little_leaves_what_it_held_determined(tilt: f
     ball = run.joint("ball").force @ line
     assert np.allclose(ball, 20.0 * np.cos(tilt), rtol=0.0, atol=1e-12)
     assert max(np.abs(run.self_stresses(i).joint("ball")[:, :3] @ line).max() for i in range(len(run.t))) < 1e-13
+
+
+def wheels(order: int, lateral: float = 0.9) -> pt.Mechanism:
+    """Two on one axle, hinged to each other; both roll, so that both hold the axle sideways."""
+    m = pt.Mechanism("wheels", gravity=(0.0, -9.81, lateral))
+    for name, z in (("a", -0.2), ("b", 0.2))[::order]:
+        mass = 1.5 if name == "b" else 1.0
+        m.add_body(name, mass=mass, inertia=(0.01, 0.01, 0.02), position=(0, 0.2, z))
+    parts: list[Callable[[], object]] = [
+        lambda: m.add_rolling("ra", "a", radius=0.2),
+        lambda: m.add_rolling("rb", "b", radius=0.2),
+        lambda: m.add_revolute("H", "a", "b", point=(0.0, 0.2, 0.0), axis=(0, 0, 1)),
+    ]
+    for add in parts[::order]:
+        add()
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_couplings_alone_leave_open_is_shared_by_the_rule(order: int, coordinates: str) -> None:
+    """No joint closes a loop: rolling without slip holds each wheel sideways, and the axle carries any part of it."""
+    run = wheels(order).simulate(0.1, t_eval=[0.0, 0.1], coordinates=coordinates)
+    hinge = run.joint("H")
+    fz, mx = hinge.force[-1][2], hinge.moment[-1][0]
+    stresses = run.self_stresses()
+    assert len(stresses) == 1 and not hinge.determined[[2, 3]].any()
+    # balance of b about the axle: mx = -0.2 fz - 0.045, whatever share F of the lateral load its foot takes (its normal
+    # force is 15.84 N); of these the least fz^2 + (mx / L)^2 with L^2 = 0.1 m^2
+    assert stresses.length == pytest.approx(math.sqrt(0.1), rel=1e-12)
+    assert [fz, mx] == pytest.approx([-0.09 / 1.4, -0.045 / 1.4], rel=1e-9)

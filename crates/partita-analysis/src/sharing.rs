@@ -208,7 +208,7 @@ pub(crate) fn with_rule<T, E: From<AnalysisError>>(
     reference: Option<(f64, &[f64])>,
     f: impl FnOnce(Option<&Rule>) -> Result<T, E>,
 ) -> Result<T, E> {
-    let Some((t, q)) = reference.filter(|_| has_loops(model)) else { return f(None) };
+    let Some((t, q)) = reference.filter(|_| may_share(model)) else { return f(None) };
     let (twin, q) = in_space(model, q)?;
     let system = Geometry::of_reactions(model, &twin);
     let sharing = Sharing::new(&system, t, &q)?;
@@ -309,10 +309,10 @@ pub fn multipliers(
     Ok(())
 }
 
-/// Only loops and drives can be redundant.
-fn has_loops(model: &Model) -> bool {
-    let joints = model.placed.joints.len();
-    !model.placed.topology.cuts.is_empty() || joints > 0 && !model.drives.is_empty()
+/// Whether conditions can be redundant that joints pass on: loop closures, and couplings and drives beside a joint.
+fn may_share(model: &Model) -> bool {
+    let others = model.row_names.len() > model.closing_rows;
+    !model.placed.topology.cuts.is_empty() || others && !model.placed.joints.is_empty()
 }
 
 /// The rule in the coordinates of the model itself.

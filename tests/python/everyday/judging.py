@@ -32,7 +32,7 @@ NUDGE = 1e-5
 CHAOS, SENSITIVE = 50.0, 2e-3
 DRAWN_OFF = 100.0
 """Times the error of a drawing and the growth."""
-MORE, FALLS = 20.0, 10.0
+MORE, FALLS = 50.0, 10.0
 """What is off by more than that is right if it is off by no more than `MORE` times that, and falls by as much as
 `FALLS` with its cause a hundredth as large: what was missed does not."""
 MOST_STEPS = 20_000
