@@ -5,11 +5,13 @@ A sealed file holds the SHA-256 of itself: of its bytes with zeros in the place 
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import os
 import re
 import secrets
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -25,6 +27,9 @@ _ATTEMPTS = 20
 
 _LOOKS = 3
 """At a folder, before it is treated as another program's."""
+
+_ABANDONED = 3600.0
+"""Age [s] of a draft that nobody writes any more."""
 
 _SMALL = 1 << 24
 """Bytes of a file in which a seal of a folder may stand."""
@@ -104,6 +109,7 @@ def put(path: Path, content: bytes) -> Path:
             os.replace(draft, path)
         finally:
             draft.unlink(missing_ok=True)
+        clear_drafts(path.parent, glob.escape(path.name), _ABANDONED)
     except (OSError, ValueError) as error:
         raise FileFormatError(
             f"cannot write {str(path)!r} ({len(content)} bytes): {_why(error)}; the previous content is unchanged. "
@@ -112,6 +118,14 @@ def put(path: Path, content: bytes) -> Path:
             line=None,
         ) from error
     return path
+
+
+def clear_drafts(folder: Path, name: str = "*", older_than: float = 0.0) -> None:
+    """Remove what processes that were killed left of files they were writing, of all names or one, older than this [s]."""
+    for draft in folder.glob(f".{name}.*.part"):
+        with suppress(OSError):
+            if draft.is_file() and time.time() - draft.stat().st_mtime >= older_than:
+                draft.unlink()
 
 
 def _beside(path: Path, ending: str) -> Path:

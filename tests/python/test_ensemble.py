@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 
 import numpy as np
@@ -289,3 +290,49 @@ def test_unknown_parameters_and_states_of_other_times_are_refused():
         m.ensemble(parameters={"x.mass": [1.0]}, t_eval=[1.0])
     with pytest.raises(pt.errors.ArgumentError, match="member 1 starts at t = 1 s"):
         m.ensemble(states=[m.assemble(), m.assemble(t=1.0)], t_eval=[2.0])
+
+
+def test_a_damaged_store_is_refused_and_what_is_returned_does_not_write_to_it(tmp_path):
+    """Every part of it: one bit, cut short, emptied, zeros; a killed process leaves no drafts."""
+    m = pt.catalogue.load("slider-crank")
+    given = {"states": started(m, 3.0, 5), "t_eval": TIMES, "store": tmp_path / "runs"}
+    found = m.ensemble(**given)
+    with pytest.raises(ValueError, match="read-only"):
+        found.q[:] = 0.0
+    kept = {path.name: path.read_bytes() for path in (tmp_path / "runs").iterdir() if path.name != "lock"}
+    rng = np.random.default_rng(58)
+
+    def flipped(content: bytes, at: int) -> bytes:
+        return content[:at] + bytes([content[at] ^ (1 << int(rng.integers(8)))]) + content[at + 1 :]
+
+    for name, content in kept.items():
+        damage = {
+            "cut": content[: len(content) // 2], "empty": b"", "zeros": bytes(len(content)), "longer": content + b"x",
+            **{f"bit in {at}": flipped(content, int(at)) for at in rng.integers(len(content), size=12)},
+        }  # fmt: skip
+        for how, damaged in damage.items():
+            (tmp_path / "runs" / name).write_bytes(damaged)
+            try:
+                again = m.ensemble(**given)
+            except pt.errors.FileFormatError as error:
+                assert "is damaged" in str(error), (name, how)
+            except pt.errors.ArgumentError as error:
+                assert name == "ensemble.json" and "belongs to another" in str(error), (name, how)
+            else:  # what nothing depends on: padding of the header of an array
+                assert how not in ("cut", "empty", "zeros")
+                assert np.array_equal(again.q, found.q) and np.array_equal(again.v, found.v), (name, how)
+            (tmp_path / "runs" / name).write_bytes(content)
+    draft = tmp_path / "runs" / ".part 0.json.0123456789abcdef.part"
+    draft.write_bytes(b"half")
+    assert np.array_equal(m.ensemble(**given).q, found.q)
+    assert not draft.exists()
+
+
+def test_drafts_of_a_killed_process_are_removed_when_the_file_is_written_again(tmp_path):
+    m = pt.catalogue.load("slider-crank")
+    old, new = (tmp_path / f".m[1].toml.{k * 16}.part" for k in "ab")
+    for draft in (old, new):
+        draft.write_bytes(b"half")
+    os.utime(old, (time.time() - 7200.0,) * 2)
+    m.save(tmp_path / "m[1].toml")
+    assert not old.exists() and new.exists()  # which another process may be writing

@@ -246,9 +246,10 @@ def _in_parts(part: Callable[[int, int], dict[str, Any]], count: int, kept: Kept
     in_lanes = []
     for number, first in enumerate(range(0, count, AT_ONCE)):
         last = min(first + AT_ONCE, count)
-        raw = kept.known(number)
+        rows = slice(first, last)
+        raw = kept.known(number, rows)
         if raw is None:
-            raw = kept.keep(number, slice(first, last), part(first, last))
+            raw = kept.keep(number, rows, part(first, last))
         found["status"] += raw["status"]
         found["messages"] += [(first + i, message) for i, message in raw["messages"]]
         found["steps"] += raw["steps"]

@@ -1,7 +1,8 @@
 """An ensemble on disk: coordinates and velocities as arrays of NumPy, and how each part of the members ended.
 
 `ensemble.json` says whose members these are; `q.npy` and `v.npy` hold all of them, those not computed yet as zeros;
-`part N.json` is written when the numbers of part N are on the disk, so that a part is there wholly or not at all.
+`part N.json` is written when the numbers of part N are on the disk, with their digest, so that a part is there wholly
+or not at all; numbers that are not those written are refused.
 `lock` is held by the process that writes.
 """
 
@@ -20,13 +21,13 @@ from numpy.typing import NDArray
 
 from .._core import version
 from ..errors import ArgumentError, FileFormatError
-from ..files import BLANK, get, intact, put, sealed, target
+from ..files import BLANK, clear_drafts, get, intact, put, sealed, target
 from ..files import place as path_of
 from ..store_lock import LOCK, locked, unusable
 
 FloatArray = NDArray[np.float64]
 HEADER = "ensemble.json"
-FORMAT = 1
+FORMAT = 2
 
 
 def identity(spec: dict[str, Any], arrays: list[FloatArray], more: list[Any]) -> str | None:
@@ -46,6 +47,14 @@ def _calls_python(spec: Any) -> bool:
     return isinstance(spec, (list, tuple)) and any(map(_calls_python, spec))
 
 
+def digest(arrays: list[FloatArray]) -> str:
+    """SHA-256 of numbers."""
+    sha = hashlib.sha256()
+    for array in arrays:
+        sha.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+    return sha.hexdigest()
+
+
 class Kept:
     """The store of an ensemble under way."""
 
@@ -55,8 +64,8 @@ class Kept:
     def _part(self, number: int) -> Path:
         return self.folder / f"part {number}.json"
 
-    def known(self, number: int) -> dict[str, Any] | None:
-        """How the members of a part ended, if it was computed before."""
+    def known(self, number: int, rows: slice) -> dict[str, Any] | None:
+        """How the members of a part ended, if it was computed before; its numbers are compared with their digest."""
         path = self._part(number)
         if not path.exists():
             return None
@@ -64,6 +73,8 @@ class Kept:
         if not intact(content):
             raise _damaged(self.folder, path.name)
         found: dict[str, Any] = json.loads(content)
+        if found.pop("numbers", None) != digest([array[rows] for array in self.arrays]):
+            raise _damaged(self.folder, f"the numbers of part {number} (q.npy, v.npy)")
         found["in_lanes"] = np.array(found["in_lanes"], dtype=bool)
         found["messages"] = [(int(i), str(message)) for i, message in found["messages"]]
         return found
@@ -82,7 +93,8 @@ class Kept:
         except OSError as error:
             raise unusable(self.folder, error) from error
         ended = {name: raw[name] for name in ("status", "messages", "steps", "refusal")}
-        written = {"checksum": BLANK, **ended, "in_lanes": raw["in_lanes"].tolist()}
+        numbers = digest([raw[name] for name in ("q", "v")])
+        written = {"checksum": BLANK, "numbers": numbers, **ended, "in_lanes": raw["in_lanes"].tolist()}
         put(self._part(number), sealed(json.dumps(written).encode()))
         return {**ended, "in_lanes": raw["in_lanes"]}
 
@@ -109,6 +121,7 @@ def opened(path: Any, shapes: list[tuple[int, int, int]], whose: Callable[[], st
     except OSError as error:
         raise unusable(folder, error) from error
     with locked(folder):
+        clear_drafts(folder)
         if (folder / HEADER).exists():
             _compare(folder, header)
         else:
@@ -120,10 +133,11 @@ def opened(path: Any, shapes: list[tuple[int, int, int]], whose: Callable[[], st
             put(folder / HEADER, sealed(json.dumps(header).encode()))
         try:
             arrays = [
-                np.load(folder / name, mmap_mode=None if 0 in shape else "r+")  # nothing cannot be mapped
+                # only read: what is returned is the store; nothing cannot be mapped
+                np.load(folder / name, mmap_mode=None if 0 in shape else "r")
                 for name, shape in zip(("q.npy", "v.npy"), shapes, strict=True)
             ]
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, EOFError) as error:
             raise _damaged(folder, "q.npy or v.npy") from error
         if [x.shape for x in arrays] != [tuple(x) for x in shapes] or any(x.dtype != np.float64 for x in arrays):
             raise _damaged(folder, "q.npy or v.npy")
