@@ -166,8 +166,8 @@ def _checked(
     return Options(
         t0=float(t0),
         t_end=t0 + span,
-        rtol=positive("rtol", rtol),
-        atol=positive("atol", atol),
+        rtol=tolerance("rtol", rtol),
+        atol=tolerance("atol", atol),
         method=one_of("method", method, METHODS),
         formulation=one_of("formulation", formulation, FORMULATIONS),
         step=None if step is None else positive("step", step, "s"),
@@ -260,6 +260,18 @@ def positive(what: str, value: Any, unit: SI = "") -> float:
     if not math.isfinite(number) or number <= 0.0:
         raise ArgumentError(f"{what} is {number:g}; it must be finite and greater than zero", argument=what)
     return number
+
+
+def tolerance(what: str, value: Any) -> float:
+    """A tolerance of steps: a fraction of the motion, or of what is large for each coordinate."""
+    found = positive(what, value)
+    if found > 1.0:
+        raise ArgumentError(
+            f"{what} is {found:g}; it must be at most 1, where errors are as large as the motion; ordinary runs have "
+            "rtol=1e-8 and atol=1e-10",
+            argument=what,
+        )
+    return found
 
 
 def one_of(what: str, value: Any, known: Iterable[str]) -> str:

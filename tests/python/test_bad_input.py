@@ -362,3 +362,13 @@ def test_an_array_without_dimensions_is_no_list() -> None:
         m.add_force("crank", x)
     with pytest.raises(ArgumentError, match="names must be a list"):
         pt.State(0.0, [0.0], [0.0], names=x)
+
+
+@pytest.mark.parametrize("name", ["rtol", "atol"])
+@pytest.mark.parametrize("value", [1e308, 2.0, 1.0 + 1e-15])
+def test_a_tolerance_that_admits_errors_as_large_as_the_motion_is_refused(name: str, value: float) -> None:
+    m = pt.catalogue.load("four-bar")
+    with pytest.raises(pt.errors.ArgumentError, match=f"{name} is .* at most 1"):
+        m.simulate(1.0, **{name: value})
+    with pytest.raises(pt.errors.ArgumentError, match=f"{name} is .* at most 1"):
+        m.ensemble(states=[m.assemble()], t_eval=[0.0, 1.0], **{name: value})

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..builder.compiled import Equations
 from ..errors import ArgumentError
 from ..numeric import shown
-from ..options import METHODS, count, one_of, output_times, positive
+from ..options import METHODS, count, one_of, output_times, positive, tolerance
 from ..results import Result
 from ..state import State
 from ..system import System, simulate
@@ -195,8 +195,8 @@ def _bench(
         equations=equations,
         t_eval=output_times(wanted, start.t, start.t + span),
         duration=span,
-        rtol=positive("rtol", rtol),
-        atol=positive("atol", atol),
+        rtol=tolerance("rtol", rtol),
+        atol=tolerance("atol", atol),
         method=one_of("method", method, METHODS),
         max_steps=max_steps,
         tangent=tangent,
