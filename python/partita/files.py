@@ -121,7 +121,7 @@ def put(path: Path, content: bytes) -> Path:
 
 
 def clear_drafts(folder: Path, name: str = "*", older_than: float = 0.0) -> None:
-    """Remove what processes that were killed left of files they were writing, of all names or one, older than this [s]."""
+    """Remove what killed processes left of files that they were writing: of all names or one, older than this [s]."""
     for draft in folder.glob(f".{name}.*.part"):
         with suppress(OSError):
             if draft.is_file() and time.time() - draft.stat().st_mtime >= older_than:

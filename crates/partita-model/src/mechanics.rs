@@ -3,7 +3,7 @@
 use crate::coupling::Condition;
 use crate::force::{At, CutSight, Element, Room, Seen};
 use crate::tree::{Tree, TreeScratch};
-use crate::value::Instant;
+use crate::value::{places_uncounted, Instant};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
 use partita_system::SystemError;
@@ -33,16 +33,6 @@ impl<G: Space> Deref for Mechanics<G> {
     fn deref(&self) -> &Tree<G> {
         &self.tree
     }
-}
-
-/// Places of angles whose whole turns are not counted in numbers of so many entries each, the first one at `from`.
-pub(crate) fn places_uncounted(mut from: usize, shown: impl Iterator<Item = (usize, bool)>) -> Vec<usize> {
-    let mut found = Vec::new();
-    for (count, wraps) in shown {
-        found.extend(wraps.then_some(from));
-        from += count;
-    }
-    found
 }
 
 impl<G: Space> Mechanics<G> {

@@ -163,6 +163,16 @@ impl<S: Scalar> Instant<'_, S> {
     }
 }
 
+/// Places of angles whose whole turns are not counted in numbers of so many entries each, the first one at `from`.
+pub(crate) fn places_uncounted(mut from: usize, shown: impl Iterator<Item = (usize, bool)>) -> Vec<usize> {
+    let mut found = Vec::new();
+    for (count, wraps) in shown {
+        found.extend(wraps.then_some(from));
+        from += count;
+    }
+    found
+}
+
 /// Step by which the slope of a function is seen. Unit: rad. Reason: a thousandth of what its values hang on.
 const SLOPE_STEP: f64 = 1e-3;
 

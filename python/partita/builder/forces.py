@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..products import norm
 from ..units import Quantity
 from . import callbacks
 from .bodies import resolve, to_world
@@ -60,7 +61,7 @@ def both_ends(
         for what, point, body in (("point1", one[1], first), ("point2", two[1], second))
     )
     d = self._description
-    return (first, end1), (second, end2), float(np.linalg.norm(to_world(d, second, end2) - to_world(d, first, end1)))
+    return (first, end1), (second, end2), float(norm(to_world(d, second, end2) - to_world(d, first, end1)))
 
 
 def add_spring(

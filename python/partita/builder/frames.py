@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..products import det, matmul, nearest_rotation, norm
 from .checks import Array, Element, matrix, shape_of, vector
 
 # A matrix with ten digits passes; one with six does not: it would silently change every length by 1e-6.
@@ -60,19 +61,18 @@ def _from_quaternion(element: Element, what: str, quaternion: Array) -> Array:
 
 def _orthonormal(element: Element, what: str, rows: Array) -> Array:
     """Refuse a matrix that is not a rotation; remove round-off by the polar decomposition."""
-    error = float(np.max(np.abs(rows.T @ rows - np.eye(3))))
+    error = float(np.max(np.abs(matmul(rows.T, rows) - np.eye(3))))
     if error > ORTHONORMAL:
         element.fail(
             f"{what} is not a rotation: its columns are not orthonormal, by {error:.1e} (allowed "
             f"{ORTHONORMAL:.0e}); "
             "give more digits, or a quaternion"
         )
-    if np.linalg.det(rows) < 0.0:
+    if det(rows) < 0.0:
         element.fail(f"{what} is a reflection (determinant -1), not a rotation; change the sign of one column")
     if error <= ROUND_OFF:
         return rows
-    left, _, right = np.linalg.svd(rows)
-    return np.asarray(left @ right, dtype=float)
+    return nearest_rotation(rows)
 
 
 def along(element: Element, start: Array, end: Array) -> tuple[float, Array]:
@@ -82,7 +82,7 @@ def along(element: Element, start: Array, end: Array) -> tuple[float, Array]:
     degrees of the world's z that would be ill-conditioned: then y stays near the world's y instead.
     """
     span = end - start
-    length = float(np.linalg.norm(span))
+    length = float(norm(span))
     if not length > 0.0:
         element.fail(f"start and end are the same point {start.tolist()}; a rod needs a length")
     x = span / length
@@ -103,8 +103,8 @@ def _cross(a: Array, b: Array) -> Array:
 
 def _across(wanted: Array, x: Array) -> Array:
     """Unit vector perpendicular to `x`, nearest to `wanted`."""
-    rest = wanted - (wanted @ x) * x
-    return np.asarray(rest / np.linalg.norm(rest), dtype=float)
+    rest = wanted - (matmul(wanted, x)) * x
+    return np.asarray(rest / norm(rest), dtype=float)
 
 
 def inertia(element: Element, value: Any) -> Array:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..products import norm
 from .bodies import to_world
 from .checks import Array
 from .measures import measure_unit, valued
@@ -36,7 +37,7 @@ def point_of(d: Description, joint: JointRecord) -> Array:
 def size_of(d: Description) -> float:
     """Diagonal of the box around bodies and joints as drawn."""
     positions = [body.position for body in d.bodies.values()] + [point_of(d, joint) for joint in d.joints.values()]
-    return float(np.linalg.norm(np.ptp(np.array(positions), axis=0))) if positions else 0.0
+    return norm(np.ptp(np.array(positions), axis=0)) if positions else 0.0
 
 
 def unmet(d: Description) -> Iterator[Unmet]:
@@ -56,7 +57,7 @@ def far_from_drawn(d: Description) -> Iterator[str]:
     for name, joint in d.joints.items():
         if joint.child_point is None:
             continue
-        gap = float(np.linalg.norm(joint.child_point - point_of(d, joint)))
+        gap = float(norm(joint.child_point - point_of(d, joint)))
         if gap > FAR * max(size, gap):
             yield (
                 f'joint "{name}": its points on "{joint.parent}" and "{joint.child}" are drawn {gap:.4g} m apart, so a '

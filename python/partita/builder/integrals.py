@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..products import matmul
 from ..state import Layout
 from .motion import Motion, RoughError
 from .values import Constant, Cubics, Function, Table, Value
@@ -99,7 +100,7 @@ class _Panel:
         return found
 
     def _rule(self, begin: float, length: float) -> tuple[float, float]:
-        fine, coarse = (float(w @ [self.function(begin + length * float(s)) for s in x]) for x, w in _RULES)
+        fine, coarse = (float(matmul(w, [self.function(begin + length * float(s)) for s in x])) for x, w in _RULES)
         return length * fine, abs(length * (fine - coarse))
 
 

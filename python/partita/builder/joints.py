@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..numeric import is_list
+from ..products import norm
 from . import frames
 from .bodies import own_name, resolve
 from .checks import Array, Element, choice, direction, find, index, name_of
@@ -198,7 +199,7 @@ def add_universal(
     """
     element = joint_element(self, name)
     first, second = direction(element, "axis1", axis1), direction(element, "axis2", axis2)
-    sine = np.linalg.norm(np.cross(first, second)) / float(np.linalg.norm(first) * np.linalg.norm(second))
+    sine = norm(np.cross(first, second)) / float(norm(first) * norm(second))
     if sine < _PARALLEL:
         element.fail(
             f"axis1 {first.tolist()} and axis2 {second.tolist()} are parallel; a universal joint needs two axes at "

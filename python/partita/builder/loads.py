@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..products import matmul
 from . import frames
 from .bodies import resolve, to_world
 from .checks import Array, Element, matrix, name_of, shape_of, vector
@@ -61,10 +62,10 @@ def add_bushing(
     means = {
         "body1": first,
         "point1": to_body(d, first, where),
-        "frame1": _axes(d, first).T @ axes,
+        "frame1": matmul(_axes(d, first).T, axes),
         "body2": second,
         "point2": to_body(d, second, where),
-        "frame2": _axes(d, second).T @ axes,
+        "frame2": matmul(_axes(d, second).T, axes),
         **law,
     }
     arguments = {
@@ -94,7 +95,11 @@ def _axes(description: Description, body: str) -> Array:
 
 def to_body(description: Description, body: str, point: Array) -> Array:
     """A point of the world, as drawn, in the axes of a body."""
-    return point if body == GROUND else _axes(description, body).T @ (point - to_world(description, body, np.zeros(3)))
+    return (
+        point
+        if body == GROUND
+        else matmul(_axes(description, body).T, point - to_world(description, body, np.zeros(3)))
+    )
 
 
 def _six(element: Element, what: str, value: Any, units: list[list[str]]) -> Array:

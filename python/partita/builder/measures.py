@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..products import matmul, norm
 from .bodies import resolve, to_world
 from .checks import Array, Element, direction
 from .drawing import Drawing
@@ -127,13 +128,13 @@ def valued(d: Description, spec: Mapping[str, Any]) -> float:
             to_world(d, spec[f"body{i}"], np.array(spec[f"axis{i}"])) - to_world(d, spec[f"body{i}"], np.zeros(3))
             for i in (1, 2)
         ]
-        return float(axes[0] @ axes[1])
+        return float(matmul(axes[0], axes[1]))
     ends = [to_world(d, spec[f"body{i}"], np.array(spec[f"point{i}"])) for i in (1, 2)]
     gap = ends[1] - ends[0]
     if spec["of"] == "distance":
-        return float(np.linalg.norm(gap))
+        return float(norm(gap))
     axis = to_world(d, spec["body1"], np.array(spec["axis"])) - to_world(d, spec["body1"], np.zeros(3))
-    return float(axis @ gap)
+    return float(matmul(axis, gap))
 
 
 def measured_in(mechanism: Drawing, spec: Spec) -> str:
@@ -150,7 +151,7 @@ def measure_unit(description: Description, spec: Mapping[str, Any]) -> str:
 
 def unit_vector(axis: Array) -> Array:
     """`axis` with length 1. One that has it to round-off is unchanged, so that repeating the call changes no bit."""
-    length = float(np.linalg.norm(axis))
+    length = float(norm(axis))
     return axis if abs(length - 1.0) <= _ROUND_OFF else np.asarray(axis / length)
 
 

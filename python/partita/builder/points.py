@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..products import matmul, norm
 from .bodies import to_world
 from .checks import Array, Element, vector
 from .drawing import Drawing
@@ -62,14 +63,14 @@ def misplaced(d: Description) -> list[str]:
         if given.body == GROUND or (given.kind, given.name, given.what) in d.explicit:
             continue
         record = d.bodies[given.body]
-        other = record.rotation.T @ (given.point - record.position)
+        other = matmul(record.rotation.T, given.point - record.position)
         if max(abs(x) for x in (other - given.point).tolist()) <= WITHIN * size:
             continue
         if given.body not in extents:
             extents[given.body] = _extent(record, joints.get(given.body, ()))
         low, high = extents[given.body]
         inside = WITHIN * size
-        if _away(given.point, low, high) > OUTSIDE * float(np.linalg.norm(high - low)) + inside and (
+        if _away(given.point, low, high) > OUTSIDE * float(norm(high - low)) + inside and (
             _away(other, low, high) <= inside
         ):
             x = f"({', '.join(f'{c:g}' for c in given.point)})"
@@ -85,7 +86,7 @@ def _size(d: Description) -> float:
     points = [body.position for body in d.bodies.values()]
     points += [body.to_world(body.com) for body in d.bodies.values()]
     points += [joint.point for joint in d.joints.values() if joint.point is not None]
-    return float(np.linalg.norm(np.ptp(np.array(points), axis=0))) if points else 0.0
+    return norm(np.ptp(np.array(points), axis=0)) if points else 0.0
 
 
 def _joints_of(d: Description) -> dict[str, list[Array]]:
@@ -100,7 +101,7 @@ def _joints_of(d: Description) -> dict[str, list[Array]]:
 
 def _extent(record: BodyRecord, joints: Sequence[Array]) -> tuple[Array, Array]:
     """The box, in body axes, around the centre of mass, the ends of a rod, and the joints."""
-    points = [record.com, *(record.rotation.T @ (point - record.position) for point in joints)]
+    points = [record.com, *(matmul(record.rotation.T, point - record.position) for point in joints)]
     if record.rod is not None:
         points += [np.zeros(3), np.array([record.rod[2], 0.0, 0.0])]
     return np.min(points, axis=0), np.max(points, axis=0)
@@ -108,7 +109,7 @@ def _extent(record: BodyRecord, joints: Sequence[Array]) -> tuple[Array, Array]:
 
 def _away(point: Array, low: Array, high: Array) -> float:
     """Distance from a box."""
-    return float(np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high))))
+    return float(norm(np.maximum(0.0, np.maximum(low - point, point - high))))
 
 
 def _given(d: Description) -> Iterator[_Given]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import EvaluationError
 from ..numeric import floats, shown
+from ..products import det, matmul, norm
 from ..state import Layout
 from .checks import Array, Element, shape_of, takes, vector
 from .frames import ORTHONORMAL, is_rotation, rotation, transform
@@ -92,19 +93,19 @@ def monotone_turns(times: Array, matrices: Array) -> Array:
     rates = np.zeros((len(times), 3))
     for i in range(1, len(h)):
         a, b, (w1, w2) = mean[i - 1], mean[i], (2.0 * h[i] + h[i - 1], h[i] + 2.0 * h[i - 1])
-        along, c = float(a @ b), w1 * b + w2 * a
+        along, c = float(matmul(a, b)), w1 * b + w2 * a
         if along > 0.0:
-            rates[i] = (w1 + w2) * along * c / (c @ c)
+            rates[i] = (w1 + w2) * along * c / (matmul(c, c))
     # three-point estimates at the ends, not faster than three times the mean rate, not backwards
     for end, one, two in ((0, 0, 1), (len(h), len(h) - 1, len(h) - 2)):
         rates[end] = mean[one]
         if len(h) > 1:
             guess = ((2.0 * h[one] + h[two]) * mean[one] - h[one] * mean[two]) / (h[one] + h[two])
-            along, size = float(guess @ mean[one]), float(np.linalg.norm(guess))
+            along, size = float(matmul(guess, mean[one])), float(norm(guess))
             if along <= 0.0:
                 guess = np.zeros(3)
-            elif mean[one] @ mean[two] <= 0.0:
-                guess = guess * min(1.0, 3.0 * float(np.linalg.norm(mean[one])) / size)
+            elif matmul(mean[one], mean[two]) <= 0.0:
+                guess = guess * min(1.0, 3.0 * float(norm(mean[one])) / size)
             rates[end] = guess
     first = rates[:-1]
     last = np.array([_vector_rate(step, rate) for step, rate in zip(steps, rates[1:], strict=True)])
@@ -115,7 +116,7 @@ def monotone_turns(times: Array, matrices: Array) -> Array:
 
 def _vector_rate(vector: Array, spin: Array) -> Array:
     """Rate of a rotation vector whose rotation turns with an angular velocity in the axes that turn."""
-    angle = float(np.linalg.norm(vector))
+    angle = float(norm(vector))
     half = 0.5 * angle
     # (1 - half cot half) / angle^2, by its series near zero
     factor = (1.0 - half / math.tan(half)) / angle**2 if half > 1e-2 else (1.0 + half**2 / 15.0) / 12.0
@@ -207,7 +208,7 @@ def orientation(element: Element, what: str, value: Any) -> Array:
 
 
 def _relative(position: Array, matrix: Array, drawn: tuple[Array, Array] | None) -> tuple[Array, Array]:
-    return (position, matrix) if drawn is None else (position - drawn[0], matrix @ drawn[1].T)
+    return (position, matrix) if drawn is None else (position - drawn[0], matmul(matrix, drawn[1].T))
 
 
 class Pose:
@@ -264,7 +265,11 @@ class Pose:
         slides, (matrix, spin, growth) = found
         if self.drawn is not None:
             slides = [(x - x0, v, a) for (x, v, a), x0 in zip(slides, self.drawn[0], strict=True)]
-            matrix, spin, growth = matrix @ self.drawn[1].T, self.drawn[1] @ spin, self.drawn[1] @ growth
+            matrix, spin, growth = (
+                matmul(matrix, self.drawn[1].T),
+                matmul(self.drawn[1], spin),
+                matmul(self.drawn[1], growth),
+            )
         turned = [*matrix.ravel().tolist(), *spin.tolist(), *growth.tolist()]
         if not (finite(turned) and all(finite(slide) for slide in slides)):
             raise self._error(
@@ -284,7 +289,7 @@ class Pose:
                 np.array([getattr(j, part) for j in jets]).reshape(3, 3) for part in ("x", "d1", "d2")
             )
             matrix = self._matrix(value, t)
-            skew, bent = matrix.T @ first, matrix.T @ second
+            skew, bent = matmul(matrix.T, first), matmul(matrix.T, second)
             spin = _axial(skew)
             return slides, (matrix, spin, _axial(bent))
         if numbers.shape == (3,):
@@ -308,7 +313,9 @@ class Pose:
         def moved(s: float) -> Array:
             if s not in seen:
                 position, other = self._plain(s)
-                seen[s] = np.concatenate([position, transform().Rotation.from_matrix(matrix.T @ other).as_rotvec()])
+                seen[s] = np.concatenate(
+                    [position, transform().Rotation.from_matrix(matmul(matrix.T, other)).as_rotvec()]
+                )
             return seen[s]
 
         def component(i: int) -> Callable[[float], float]:
@@ -372,8 +379,8 @@ class Pose:
         return position, value[1]
 
     def _matrix(self, matrix: Array, t: float) -> Array:
-        off = float(np.abs(matrix.T @ matrix - np.eye(3)).max())
-        if not off <= ORTHONORMAL or np.linalg.det(matrix) < 0.0:
+        off = float(np.abs(matmul(matrix.T, matrix) - np.eye(3)).max())
+        if not off <= ORTHONORMAL or det(matrix) < 0.0:
             what = f"a matrix that is not a rotation (its columns deviate from orthonormal by {off:.1e})"
             raise self._misshaped(t, what)
         return matrix

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from numpy.typing import ArrayLike
 
 from ..errors import UnknownNameError
+from ..products import matmul
 from ..sensing import SensorRecord
 from ..units.door import SI
 from .checks import Array, Element, find, vector
@@ -112,7 +113,7 @@ class Body(Handle):
         place = vector(Element("body", self.name), "the point", point, "m")
         if self.name != GROUND:
             record = self.mechanism._description.bodies[find("body", self.name, self.mechanism._description.bodies)]
-            place = record.rotation.T @ (place - record.position)
+            place = matmul(record.rotation.T, place - record.position)
         x, y, z = place.tolist()
         return Point(self.name, (x, y, z))
 
@@ -174,7 +175,7 @@ class BodyRecord:
 
     def to_world(self, point: Array) -> Array:
         """World position of a point of the body as drawn."""
-        return self.position + self.rotation @ point
+        return self.position + matmul(self.rotation, point)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..products import norm
 from ..sensing import Senses
 from ..state import Layout
 from .bodies import to_world
@@ -98,7 +99,7 @@ class Writer:
             "point": point.tolist(),
         }
         for word, value in record.geometry.items():
-            spec[_AXIS_WORDS[word]] = value.tolist() if word == "frame" else (value / np.linalg.norm(value)).tolist()
+            spec[_AXIS_WORDS[word]] = value.tolist() if word == "frame" else (value / norm(value)).tolist()
         if record.kind in CHOSEN:
             spec["free"] = [direction for direction in record.free if direction not in record.follows]
         if record.follows:
@@ -107,7 +108,7 @@ class Writer:
         if record.child_point is not None:
             spec["child_point"] = record.child_point.tolist()
         if record.child_axis is not None:
-            spec["child_axis"] = (record.child_axis / np.linalg.norm(record.child_axis)).tolist()
+            spec["child_axis"] = (record.child_axis / norm(record.child_axis)).tolist()
         if record.child_frame is not None:
             spec["child_frame"] = record.child_frame.tolist()
         if record.pitch is not None:
@@ -232,7 +233,7 @@ class Writer:
         ends = [
             to_world(self.description, *end) for end in ((record.body1, record.point1), (record.body2, record.point2))
         ]
-        return float(np.linalg.norm(ends[1] - ends[0]))
+        return float(norm(ends[1] - ends[0]))
 
     def _value(self, value: Value) -> dict[str, Any]:
         match value:

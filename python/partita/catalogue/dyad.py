@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..products import norm
+
 FloatArray = NDArray[np.float64]
 
 
@@ -37,7 +39,7 @@ def arms(*ends: ArrayLike) -> tuple[float, FloatArray, FloatArray]:
     mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     for end in ends:
         p = np.asarray(end, dtype=float)
-        length = float(np.linalg.norm(p))
+        length = float(norm(p))
         mass += length
         first += length * p / 2.0
         second += length * np.outer(p, p) / 3.0

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..builder import Body
 from ..mechanism import Mechanism
+from ..products import matmul, norm
 from ..results import Result
 from ..state import State
 from .entry import Check, Entry, FloatArray, angle, largest_gap, path_error
@@ -31,7 +32,7 @@ def points(crank_angle: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     arm = np.array([0.0, 0.0, ROCKER])
     across = np.cross(AXIS, arm)
     r = PIVOT - p
-    a, b = 2.0 * r @ arm, 2.0 * r @ across
+    a, b = matmul(2.0 * r, arm), matmul(2.0 * r, across)
     c = np.sum(r**2, axis=-1) + ROCKER**2 - COUPLER**2
     psi = np.arctan2(b, a) + np.arccos(-c / np.hypot(a, b))
     return p, PIVOT + np.cos(psi)[..., None] * arm + np.sin(psi)[..., None] * across
@@ -57,10 +58,10 @@ def _round_rod(m: Mechanism, name: str, near: FloatArray, far: FloatArray, mass:
     Only the coupler spins; the others rotate about axes perpendicular to their own, so their small axial inertia
     affects no motion. It makes the mass matrix in absolute coordinates regular.
     """
-    length = float(np.linalg.norm(far - near))
+    length = float(norm(far - near))
     x = (far - near) / length
     y = np.cross((0.0, 0.0, 1.0), x)
-    y = y / np.linalg.norm(y)
+    y = y / norm(y)
     across = mass * length**2 / 12.0
     return m.add_body(
         name,
@@ -81,7 +82,7 @@ def start(m: Mechanism) -> State:
     p, q = points(CRANK_ANGLE)
     axis = (q - p) / COUPLER
     moving = m.assemble(rates={"A": CRANK_RATE}).velocity("P")
-    lacking = SPIN - float(moving @ axis) - CRANK_RATE * axis[2]
+    lacking = SPIN - float(matmul(moving, axis)) - CRANK_RATE * axis[2]
     return m.assemble(rates={"A": CRANK_RATE, "P": moving + lacking * axis})
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..products import matmul
 from ..results import Result
 from ..state import State
 from .dyad import FourBar
@@ -29,14 +30,14 @@ def plane() -> FloatArray:
     about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
     about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
     about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
-    return np.asarray(about_z @ about_y @ about_x)
+    return np.asarray(matmul(matmul(about_z, about_y), about_x))
 
 
 def build() -> Mechanism:
     """The drawing: crank at 60 degrees in the tilted plane, open branch."""
     m = Mechanism("spatial-four-bar", gravity=(0, -9.81, 0))
     tilt = plane()
-    a, b, c, d = (tilt @ point for point in LENGTHS.points(CRANK_ANGLE))
+    a, b, c, d = (matmul(tilt, point) for point in LENGTHS.points(CRANK_ANGLE))
     normal = tilt[:, 2]
     crank = m.add_rod("crank", start=a, end=b, mass=1.0)
     coupler = m.add_rod("coupler", start=b, end=c, mass=3.0)
@@ -62,7 +63,7 @@ def out_of_plane(result: Result) -> float:
     """Largest distance of the two moving pins from the plane."""
     normal = plane()[:, 2]
     pins = (result.body("crank").point((LENGTHS.crank, 0, 0)), result.body("rocker").point((LENGTHS.rocker, 0, 0)))
-    return max(largest_gap(pin @ normal, np.zeros(len(result.t))) for pin in pins)
+    return max(largest_gap(matmul(pin, normal), np.zeros(len(result.t))) for pin in pins)
 
 
 def entry() -> Entry:

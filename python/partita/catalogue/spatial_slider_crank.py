@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..products import norm
 from ..results import Result
 from ..state import State
 from .entry import Check, Entry, FloatArray, angle, largest_gap, path_error
@@ -38,7 +39,7 @@ def build() -> Mechanism:
     x = np.array([1.0, 0.0, 0.0])
     along = (q - p) / ROD
     hinge = np.cross(x, along)
-    hinge = hinge / np.linalg.norm(hinge)
+    hinge = hinge / norm(hinge)
     upright = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]).T  # columns: y, z, x of the world
     crank = m.add_body(
         "crank",

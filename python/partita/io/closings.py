@@ -13,8 +13,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import NoReturn
 
-import numpy as np
-
+from ..products import matmul, norm
 from . import sidecar
 from .reading import Remark
 from .robot import MASSLESS, Array, Robot
@@ -90,8 +89,8 @@ def report_open(robot: Robot, poses: Mapping[str, Array]) -> None:
         links, frames = zip(*(robot.frames[name] for name in names), strict=True)
         if links[0] == links[1] or any(link not in poses for link in links):
             continue
-        one, other = ((poses[link] @ frame)[:3, 3] for link, frame in zip(links, frames, strict=True))
-        if all(map(is_closing, names)) or float(np.linalg.norm(one - other)) <= _TOGETHER:
+        one, other = ((matmul(poses[link], frame))[:3, 3] for link, frame in zip(links, frames, strict=True))
+        if all(map(is_closing, names)) or float(norm(one - other)) <= _TOGETHER:
             pairs.append(" and ".join(names))
     if pairs:
         remedy = {"MJCF": "an <equality> closes them"}.get(robot.reading.kind, _IN_SIDECAR)
@@ -126,7 +125,7 @@ def _hinged(robot: Robot, names: Iterable[str]) -> bool:
         if frame is None or beyond is None:
             return False
         point = _seen(robot, beyond, frame)
-        if point is None or point[2] == 0.0 or float(np.linalg.norm(point[:2])) > _ON_AXIS * abs(point[2]):
+        if point is None or point[2] == 0.0 or float(norm(point[:2])) > _ON_AXIS * abs(point[2]):
             return False
     return True
 
@@ -134,14 +133,14 @@ def _hinged(robot: Robot, names: Iterable[str]) -> bool:
 def _seen(robot: Robot, point: tuple[str, Array], frame: tuple[str, Array]) -> Array | None:
     """The origin of a frame in another one, both at ends of fixed joints of one link; else None."""
     (one, here), (other, there) = _carrier(robot, point), _carrier(robot, frame)
-    return there[:3, :3].T @ (here[:3, 3] - there[:3, 3]) if one == other else None
+    return matmul(there[:3, :3].T, here[:3, 3] - there[:3, 3]) if one == other else None
 
 
 def _carrier(robot: Robot, frame: tuple[str, Array]) -> tuple[str, Array]:
     """A frame at the end of a fixed joint, as one of the link that carries it."""
     link, pose = frame
     fixed = next((j for j in robot.joints.values() if j.child == link and j.kind == "fixed"), None)
-    return frame if fixed is None else (fixed.parent, fixed.pose @ pose)
+    return frame if fixed is None else (fixed.parent, matmul(fixed.pose, pose))
 
 
 def _fail(robot: Robot, name: str, message: str) -> NoReturn:

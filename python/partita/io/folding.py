@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..products import matmul, norm
 from .reading import Remark
 from .robot import MASSLESS, NOISE, THROUGH, Array, Joint, Link, Robot, placed
 
@@ -31,11 +32,11 @@ def fold_marks(robot: Robot) -> None:
         for joint in marks:
             for name, (link, pose) in list(robot.frames.items()):
                 if link == joint.child:
-                    robot.frames[name] = (joint.parent, joint.pose @ pose)
+                    robot.frames[name] = (joint.parent, matmul(joint.pose, pose))
             robot.frames[joint.child] = robot.frames[joint.name] = (joint.parent, joint.pose)
             for loop in robot.loops:
                 loop.first, loop.second = (
-                    (joint.parent, joint.pose @ pose) if link == joint.child else (link, pose)
+                    (joint.parent, matmul(joint.pose, pose)) if link == joint.child else (link, pose)
                     for link, pose in (loop.first, loop.second)
                 )
             mark, parent = robot.links[joint.child], robot.links[joint.parent]
@@ -53,12 +54,12 @@ def fold_marks(robot: Robot) -> None:
 def _add(link: Link, more: Link, pose: Array) -> None:
     """Add mass and inertia of a link that is welded to another one, at this pose."""
     mass = link.mass + more.mass
-    com = pose[:3, :3] @ more.com + pose[:3, 3]
+    com = matmul(pose[:3, :3], more.com) + pose[:3, 3]
     middle = (link.mass * link.com + more.mass * com) / mass
-    inertia = link.inertia + pose[:3, :3] @ more.inertia @ pose[:3, :3].T
+    inertia = link.inertia + matmul(matmul(pose[:3, :3], more.inertia), pose[:3, :3].T)
     for part, place in ((link.mass, link.com), (more.mass, com)):
         arm = place - middle
-        inertia = inertia + part * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        inertia = inertia + part * (matmul(arm, arm) * np.eye(3) - np.outer(arm, arm))
     link.mass, link.com, link.inertia = mass, middle, inertia
 
 
@@ -78,8 +79,8 @@ def fold_hinges(robot: Robot) -> None:
         if name in held or name not in carrying or len(after) != 1 or link.mass > MASSLESS or np.any(link.inertia):
             return False
         hinges = carrying[name].kind == after[0].kind == "revolute"
-        before, behind = carrying[name].point, after[0].pose[:3, 3] + after[0].pose[:3, :3] @ after[0].point
-        return hinges and float(np.linalg.norm(behind - before)) <= THROUGH
+        before, behind = carrying[name].point, after[0].pose[:3, 3] + matmul(after[0].pose[:3, :3], after[0].point)
+        return hinges and float(norm(behind - before)) <= THROUGH
 
     for last in list(robot.joints.values()):
         if robot.joints.get(last.name) is not last:
@@ -94,17 +95,17 @@ def fold_hinges(robot: Robot) -> None:
             continue
         axes, pose = [], np.eye(4)
         for joint in chain:
-            pose = pose @ joint.pose
-            axes.append(pose[:3, :3] @ joint.axis)
+            pose = matmul(pose, joint.pose)
+            axes.append(matmul(pose[:3, :3], joint.axis))
         apart = np.linalg.svd(np.array(axes), compute_uv=False)[-1]
-        square = len(chain) == 3 or abs(float(axes[0] @ axes[1])) <= 1e-9
+        square = len(chain) == 3 or abs(float(matmul(axes[0], axes[1]))) <= 1e-9
         if apart < 1e-3 or not square:
             continue
         kind = "spherical" if len(chain) == 3 else "universal"
         efforts = [effort for i, joint in enumerate(chain) for effort in joint.along(i)]
         if kind == "spherical" and efforts:
             continue  # a ball has no angles for springs to act along
-        first, second = (pose[:3, :3].T @ axis for axis in axes[:2])
+        first, second = (matmul(pose[:3, :3].T, axis) for axis in axes[:2])
         folded = Joint(
             last.name,
             kind,
@@ -135,12 +136,12 @@ def fold_sleeves(robot: Robot) -> None:
         slide = carrying.get(turn.parent)
         if slide is None or (slide.kind, turn.kind) != ("prismatic", "revolute") or used & {slide.name, turn.name}:
             continue
-        axis = turn.pose[:3, :3] @ turn.axis
+        axis = matmul(turn.pose[:3, :3], turn.axis)
         if turn.parent in used or children[turn.parent] != 1 or not _nothing(robot, turn.parent):
             continue
-        if float(np.linalg.norm(axis - slide.axis)) > THROUGH:
+        if norm(axis - slide.axis) > THROUGH:
             continue
-        pose = slide.pose @ turn.pose
+        pose = matmul(slide.pose, turn.pose)
         robot.joints[turn.name] = Joint(
             turn.name,
             "cylindrical",
@@ -175,10 +176,13 @@ def fold_ends(robot: Robot) -> None:
             point = placed(joint.point, np.eye(3))
             back = np.eye(4)
             back[:3, :3] = one[1][:3, :3].T
-            back[:3, 3] = -back[:3, :3] @ one[1][:3, 3]
+            back[:3, 3] = matmul(-back[:3, :3], one[1][:3, 3])
             loop.kind, loop.axis, loop.second_axis = joint.kind, joint.axis, joint.second
             loop.efforts = [replace(e, name=e.name or f"spring of {joint.name}") for e in joint.efforts]
-            loop.first, loop.second = (joint.parent, joint.pose @ point), (other[0], other[1] @ back @ point)
+            loop.first, loop.second = (
+                (joint.parent, matmul(joint.pose, point)),
+                (other[0], matmul(matmul(other[1], back), point)),
+            )
             remark = "a link of no mass is omitted: its joint closes the loop directly"
             called = f'link "{one[0]}" of loop {loop.name}'
             robot.reading.changed.append(Remark(robot.links[one[0]].at.line, remark, called))

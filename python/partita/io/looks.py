@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..products import matmul, nearest_rotation
 from .reading import Remark
 from .request import Request
 
@@ -55,7 +56,7 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
                 lost.append(link)
                 continue
             link, frame = robot.frames[link]
-            pose = frame @ pose
+            pose = matmul(frame, pose)
         body = "ground" if link == root else link
         found.setdefault(body, []).append(_placed(look.shape, pose))
     if found:
@@ -67,8 +68,7 @@ def shapes_of(robot: Any, root: str | None) -> dict[str, list[dict[str, Any]]]:
 
 
 def _placed(shape: dict[str, Any], pose: Array) -> dict[str, Any]:
-    left, _, right = np.linalg.svd(pose[:3, :3])  # products of many rotations carry some round-off
-    axes = (left @ right).T
+    axes = nearest_rotation(pose[:3, :3]).T  # products of many rotations carry some round-off
     center = [float(x) for x in pose[:3, 3]]
     if shape["kind"] == "cylinder":
         return {**shape, "center": center, "axis": axes[2].tolist()}

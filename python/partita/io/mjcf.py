@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import MissingDependencyError
 from ..files import get
+from ..products import matmul, norm
 from . import closings
 from .format_table import content, remark
 from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
@@ -269,7 +270,7 @@ class _Reader:
         m, robot = self.model, self.made
         name = self.name("body", i)
         axes = rotation_of(m.body_iquat[i])
-        inertia = axes @ np.diag(m.body_inertia[i]) @ axes.T
+        inertia = matmul(matmul(axes, np.diag(m.body_inertia[i])), axes.T)
         at = self.at("body", name=name)
         link = Link(name, float(m.body_mass[i]), m.body_ipos[i].copy(), 0.5 * (inertia + inertia.T), at)
         held = float(m.body_gravcomp[i])
@@ -444,7 +445,7 @@ class _Reader:
             axis, beside = far.points[side] - first.points[side], None
             if count > 1:
                 others = [x.points[side] - first.points[side] for x in held]
-                beside = others[int(np.argmax([np.linalg.norm(np.cross(axis, other)) for other in others]))]
+                beside = others[int(np.argmax([norm(np.cross(axis, other)) for other in others]))]
             frames.append(placed(first.points[side], _along(axis, beside) if count else np.eye(3)))
         kind = ("spherical", "revolute", "fixed")[min(count, 2)]
         ends = ((bodies[0], frames[0]), (bodies[1], frames[1]))
@@ -471,8 +472,8 @@ class _Reader:
 
 def _along(axis: Array, beside: Array | None = None) -> Array:
     """A rotation whose x is along an axis, and whose y is towards another direction."""
-    x = axis / np.linalg.norm(axis)
+    x = axis / norm(axis)
     other = np.eye(3)[int(np.argmin(np.abs(x)))] if beside is None else beside
     z = np.cross(x, other)
-    z /= np.linalg.norm(z)
+    z /= norm(z)
     return np.column_stack([x, np.cross(z, x), z])

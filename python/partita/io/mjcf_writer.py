@@ -17,6 +17,7 @@ from ..builder.records import GROUND, BodyRecord, SpringRecord
 from ..errors import FileFormatError
 from ..files import put
 from ..numeric import quaternion
+from ..products import det, matmul
 from . import writing_table
 from .robot import inverse
 from .skeleton import (
@@ -196,7 +197,7 @@ class _Writer:
         mass, inertia = body.mass / parts, body.inertia / parts
         diagonal = np.array_equal(inertia, np.diag(np.diag(inertia)))
         moments, axes = (np.diag(inertia), np.eye(3)) if diagonal else np.linalg.eigh(inertia)
-        if np.linalg.det(axes) < 0.0:
+        if det(axes) < 0.0:
             axes[:, 0] *= -1.0
         least = LEAST if moves else 0.0
         given = np.array(moments)
@@ -234,7 +235,7 @@ class _Writer:
             if joint.kind == "revolute":
                 along = np.eye(4)
                 along[:3, 3] = self.size * closure.motions[0].axis
-                frames = closure.here @ along, closure.there @ along
+                frames = matmul(closure.here, along), matmul(closure.there, along)
                 beside = self.names.new(f"{name} axis")
                 self.hold("connect", beside, joint.parent, frames[0], joint.child, frames[1])
                 self.report.changed.append(f"hinge {name} closes a loop: two points on its axis are connected")
@@ -256,11 +257,11 @@ class _Writer:
         half = self.names.new(f"{body} half at {joint.name}")
         sign = -1.0 if reverse else 1.0
         # axes are given in the frames of the joint, which agree where its coordinates are zero
-        motions = [Motion(m.kind, there[:3, :3] @ (sign * m.axis), m.name, m.coordinate) for m in closure.motions]
+        motions = [Motion(m.kind, matmul(there[:3, :3], sign * m.axis), m.name, m.coordinate) for m in closure.motions]
         motions = motions[::-1] if reverse else motions
         self.halves.add(half)
         self.cuts.append(body)
-        pose = here @ inverse(there)
+        pose = matmul(here, inverse(there))
         branch = Branch(body, parent, joint, pose, there[:3, 3], tuple(motions), name=half)
         children.setdefault(parent, []).append(branch)
         weld = self.names.new(f"{joint.name} closes")

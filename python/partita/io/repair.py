@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..builder.frames import INERTIA
+from ..products import matmul, principal
 from .reading import Reading, Remark
 from .robot import NOISE, Array, Robot
 
@@ -56,14 +57,14 @@ def repaired(inertia: Array, scale: float) -> tuple[Array, str]:
     size = float(np.abs(inertia).max())
     if size == 0.0:
         return inertia, ""
-    values, axes = np.linalg.eigh(inertia / size)
+    values, axes = principal(inertia / size)
     if values[0] >= 0.0 and values[2] <= values[0] + values[1] + INERTIA:
         return inertia, ""
     if values[0] >= -INERTIA and values[2] <= values[0] + values[1] + INERTIA:
         fit = np.maximum(values, 0.0)  # sums off in the last digits of a file are harmless, negative moments are not
     else:
         fit = nearest_moments(values)
-    found = size * (axes * fit) @ axes.T
+    found = matmul(size * (axes * fit), axes.T)
     change = float(np.abs(fit - values).max())
     if change <= INERTIA or change * size <= NOISE * scale:
         return 0.5 * (found + found.T), ""

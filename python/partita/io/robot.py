@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..products import matmul, nearest_rotation, norm
 from .looks import Look
 from .reading import Reading
 from .request import Request
@@ -234,17 +235,18 @@ def placed(xyz: Any, rotation: Any) -> Array:
 
 def unit(axis: Array) -> Array | None:
     """The direction of an axis, however short; None where it has none."""
-    length = float(np.linalg.norm(axis))
-    if length == 0.0 and np.any(axis):  # its squares are too small
-        axis = axis / float(np.max(np.abs(axis)))
-        length = float(np.linalg.norm(axis))
-    return axis / length if length > 0.0 else None
+    size = float(np.max(np.abs(axis)))
+    if size == 0.0:
+        return None
+    if not 1e-140 < size < 1e140:  # its squares are too small, or too large
+        axis = axis / size
+    return axis / norm(axis)
 
 
 def inverse(frame: Array) -> Array:
     """Of a frame."""
     turned = frame[:3, :3].T
-    return placed(-turned @ frame[:3, 3], turned)
+    return placed(matmul(-turned, frame[:3, 3]), turned)
 
 
 def turned(rpy: Any) -> Array:
@@ -261,7 +263,7 @@ def turned(rpy: Any) -> Array:
 
 def rotation_of(quaternion: Any) -> Array:
     """The rotation of a quaternion (w, x, y, z) of any length."""
-    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    w, x, y, z = np.asarray(quaternion, dtype=float) / norm(quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -273,5 +275,4 @@ def rotation_of(quaternion: Any) -> Array:
 
 def nearest(rotation: Array) -> Array:
     """The nearest rotation: products of many have some round-off."""
-    left, _, right = np.linalg.svd(rotation)
-    return np.asarray(left @ right)
+    return nearest_rotation(rotation)

@@ -11,6 +11,7 @@ import numpy as np
 from ..builder import Builder
 from ..builder.records import GROUND
 from ..errors import DescriptionError
+from ..products import matmul
 from . import repair
 from .closings import report_open
 from .folding import fold_ends, fold_hinges, fold_marks, fold_sleeves
@@ -42,7 +43,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
     into = {joint.child: joint for joint in robot.joints.values()}
     pose = {root: np.eye(4)}
     for name in order[1:]:
-        pose[name] = pose[into[name].parent] @ into[name].pose
+        pose[name] = matmul(pose[into[name].parent], into[name].pose)
     report_open(robot, pose)
     grounded = robot.links[root].mass <= MASSLESS and base == "fixed"
     body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
@@ -56,7 +57,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
             Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground; {_FLOATS}')
         )
     for joint in (into[name] for name in order[1:]):
-        where = pose[joint.child] @ placed(joint.point, np.eye(3))
+        where = matmul(pose[joint.child], placed(joint.point, np.eye(3)))
         ends = (body[joint.parent], body[joint.child])
         axes = (joint.axis, joint.second)
         _joint(mechanism, joint.name, joint.kind, ends, (where, where), axes, joint.at)
@@ -73,7 +74,7 @@ def _loops(robot: Robot, mechanism: Builder, body: dict[str, Any], pose: dict[st
             message = f'{loop.name} joins two frames of one link, "{link1}"; it closes nothing'
             robot.reading.dropped.append(Remark(loop.at.line if loop.at else None, message, "", "other"))
             continue
-        frames = (pose[link1] @ frame1, pose[link2] @ frame2)
+        frames = (matmul(pose[link1], frame1), matmul(pose[link2], frame2))
         if loop.kind == "distance":
             points = (frame1[:3, 3], frame2[:3, 3])
             with _refused(loop.at, "cannot be a distance"):
@@ -130,7 +131,7 @@ def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
     if link in robot.links:
         return link, point
     carrier, pose = robot.frames[link]
-    return carrier, pose[:3, :3] @ point + pose[:3, 3]
+    return carrier, matmul(pose[:3, :3], point) + pose[:3, 3]
 
 
 def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
@@ -211,11 +212,11 @@ def _joint(
     apart: dict[str, Any] = {}
     if not np.array_equal(here, there):
         apart = {"child_point": there[:3, 3]}
-    axis = here[:3, :3] @ axes[0]
+    axis = matmul(here[:3, :3], axes[0])
     if (apart and kind in ("revolute", "prismatic", "cylindrical")) or (apart and kind == "planar"):
-        apart["child_axis"] = there[:3, :3] @ axes[0]
+        apart["child_axis"] = matmul(there[:3, :3], axes[0])
     elif apart and kind in ("fixed", "universal"):
-        apart["child_frame"] = nearest(there[:3, :3] @ here[:3, :3].T)
+        apart["child_frame"] = nearest(matmul(there[:3, :3], here[:3, :3].T))
     add: Any = mechanism
     with _refused(at, "cannot be a joint"):
         if kind in ("revolute", "prismatic", "cylindrical"):
@@ -225,7 +226,7 @@ def _joint(
         elif kind == "planar":
             add.add_planar(name, *ends, point=point, normal=axis, **apart)
         elif kind == "universal":
-            second = here[:3, :3] @ (axes[0] if axes[1] is None else axes[1])
+            second = matmul(here[:3, :3], axes[0] if axes[1] is None else axes[1])
             add.add_universal(name, *ends, point=point, axis1=axis, axis2=second, **apart)
         elif kind == "generic":
             if apart:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
+from ..products import matmul
 from . import closings
 from .looks import Look, mesh_file
 from .reading import Reading, Remark
@@ -76,7 +77,7 @@ def _links(scope: Scope) -> None:
 
 def _link(scope: Scope, item: Element) -> None:
     name, inertial = scope.full(item.must("name")), item.first("inertial")
-    where = scope.at @ scope.frame(scope.keys[id(item)], item)
+    where = matmul(scope.at, scope.frame(scope.keys[id(item)], item))
     for visual in item.all("visual"):
         try:
             _look(scope, "world" if scope.static else name, where if scope.static else np.eye(4), visual)
@@ -95,7 +96,7 @@ def _link(scope: Scope, item: Element) -> None:
                 of[part.tag] = numbers(part, "the text", part.text, 1)[0]
         inertia = np.array([[of["ixx"], of["ixy"], of["ixz"]], [of["ixy"], of["iyy"], of["iyz"]],
                             [of["ixz"], of["iyz"], of["izz"]]])  # fmt: skip
-        inertia = pose[:3, :3] @ inertia @ pose[:3, :3].T
+        inertia = matmul(matmul(pose[:3, :3], inertia), pose[:3, :3].T)
     if inertial is None or inertial.first("mass") is None or inertial.first("inertia") is None:
         remark = "no mass or no inertia is given; the defaults of the format are 1 kg and 1 kg m^2"
         scope.note("changed", item, remark, f'link "{name}"')
@@ -133,7 +134,7 @@ def _look(scope: Scope, link: str, frame: Array, item: Element) -> None:
     if shape is None:
         scope.note("dropped", item, f"a <{of.tag}>", f'link "{link}"', "looks")
         return
-    scope.made.looks.append(Look(link, frame @ scope.pose(item.first("pose")), shape))
+    scope.made.looks.append(Look(link, matmul(frame, scope.pose(item.first("pose"))), shape))
 
 
 def _check_frames(scope: Scope) -> None:
@@ -164,4 +165,7 @@ def _ends(scope: Scope) -> None:
                 model.note("changed", item, remark, f'frame "{model.full(name)}"')
             link = model.carrier(of, item)
             where = np.eye(4) if link == "world" else model.poses[link]
-            model.made.frames[model.full(name)] = link, inverse(where) @ model.at @ model.frame(name, item)
+            model.made.frames[model.full(name)] = (
+                link,
+                matmul(matmul(inverse(where), model.at), model.frame(name, item)),
+            )

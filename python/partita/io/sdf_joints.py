@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..products import matmul, norm
 from .format_table import content
 from .robot import Array, Effort, Joint, Tie, unit
 from .sdf_scope import Scope
@@ -54,7 +55,7 @@ def _joint(scope: Scope, item: Element) -> None:
     if ends == ["world", "world"]:
         scope.note("dropped", item, "both of its ends are the ground", f'joint "{name}"', "other")
         return
-    where = scope.at @ scope.frame(scope.keys[id(item)], item)
+    where = matmul(scope.at, scope.frame(scope.keys[id(item)], item))
     axes = [_axis(scope, item, tag, where) for tag in ("axis", "axis2") if item.first(tag) is not None]
     if not axes and _KINDS[kind] not in ("fixed", "spherical"):
         item.fail("holds no <axis>")
@@ -125,9 +126,9 @@ def _gearbox(scope: Scope, item: Element) -> None:
     name, ratio = scope.full(item.must("name")), 1.0
     if (given := item.first("gearbox_ratio")) is not None:
         ratio = numbers(given, "the text", given.text, 1)[0] or given.fail("is 0; fix the joint instead")
-    where = scope.at @ scope.frame(scope.keys[id(item)], item)
+    where = matmul(scope.at, scope.frame(scope.keys[id(item)], item))
     base = scope.carrier(scope.word(item, "gearbox_reference_body"), item)
-    axes = [where[:3, :3] @ _axis(scope, item, tag, where) for tag in ("axis", "axis2")]
+    axes = [matmul(where[:3, :3], _axis(scope, item, tag, where)) for tag in ("axis", "axis2")]
     links = [scope.carrier(scope.word(item, end), item) for end in ("parent", "child")]
     hinges = [_hinge(scope, base, link, axis) for link, axis in zip(links, axes, strict=True)]
     if hinges[0] is None or hinges[1] is None:
@@ -142,9 +143,9 @@ def _gearbox(scope: Scope, item: Element) -> None:
 def _hinge(scope: Scope, base: str, link: str, axis: Array) -> tuple[str, float] | None:
     """The hinge between two links about an axis, and 1 where its coordinate is the angle of the link, else -1."""
     for joint in scope.made.joints.values():
-        about = joint.pose[:3, :3] @ joint.axis
-        along = float(about @ axis)
-        parallel = joint.kind == "revolute" and float(np.linalg.norm(np.cross(about, axis))) <= _PARALLEL
+        about = matmul(joint.pose[:3, :3], joint.axis)
+        along = float(matmul(about, axis))
+        parallel = joint.kind == "revolute" and float(norm(np.cross(about, axis))) <= _PARALLEL
         if parallel and (joint.parent, joint.child) in ((base, link), (link, base)):
             return joint.name, float(np.sign(along)) * (1.0 if joint.parent == base else -1.0)
     return None
@@ -163,6 +164,6 @@ def _axis(scope: Scope, item: Element, tag: str, where: Array) -> Array:
     if scope.version < (1, 5) or (scope.version < (1, 7) and scope.flag(item.the(tag).first(_IN_MODEL), False)):
         other = "__model__"
     if other:
-        axis = where[:3, :3].T @ (scope.at @ scope.frame(other, item))[:3, :3] @ axis
+        axis = matmul(matmul(where[:3, :3].T, (matmul(scope.at, scope.frame(other, item)))[:3, :3]), axis)
     direction = unit(axis)
     return direction if direction is not None else item.fail("has an axis of length 0")

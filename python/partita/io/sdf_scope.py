@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import FileFormatError
+from ..products import matmul, norm
 from .format_table import content, remark
 from .format_table import number as as_version
 from .reading import Reading, Remark
@@ -212,15 +213,15 @@ class Scope:
         self.placing = True
         own, name = self.element.first("pose"), self.element.get("placement_frame")
         base = self.outer.frame((self.base(own) if own is not None else "") or "__model__", self.element, asked)
-        self.placed = base @ self.pose(own)
+        self.placed = matmul(base, self.pose(own))
         if name:
-            self.placed = self.placed @ inverse(self.frame(name, self.element))
+            self.placed = matmul(self.placed, inverse(self.frame(name, self.element)))
         return self.placed
 
     @property
     def at(self) -> Array:
         """The frame of this model in the world."""
-        return self.place() if self.outer is None else self.outer.at @ self.place()
+        return self.place() if self.outer is None else matmul(self.outer.at, self.place())
 
     def base(self, pose: Element) -> str:
         """The frame that a pose names: by `relative_to`, up to 1.6 by `frame`."""
@@ -232,9 +233,9 @@ class Scope:
             return np.eye(4)
         if item.get("rotation_format", "euler_rpy") == "quat_xyzw":
             x, y, z, *quaternion = numbers(item, "the text", item.text, 7)
-            a, b, c, w = np.array(quaternion) / np.linalg.norm(quaternion)
+            a, b, c, w = np.array(quaternion) / norm(quaternion)
             cross = np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
-            return placed((x, y, z), np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+            return placed((x, y, z), np.eye(3) + 2 * w * cross + matmul(2 * cross, cross))
         values = numbers(item, "the text", item.text, 6)
         rpy = np.array(values[3:])
         return placed(values[:3], turned(np.radians(rpy) if item.get("degrees") in ("true", "1") else rpy))
@@ -248,18 +249,18 @@ class Scope:
         if name in asked:
             by.fail(f"is placed relative to itself: {' -> '.join((*asked, name))}")
         if (merged := self.from_merged(name)) is not None:
-            return merged.place() @ merged.frame(name, by)
+            return matmul(merged.place(), merged.frame(name, by))
         first, _, rest = name.partition("::")
         if first in self.inner:
             inside = self.inner[first]
-            return inside.place((*asked, name)) @ (inside.frame(rest, by) if rest else np.eye(4))
+            return matmul(inside.place((*asked, name)), inside.frame(rest, by) if rest else np.eye(4))
         if name not in self.named:
             by.fail(f'names the frame "{name}", which does not exist')
         item = self.named[name]
         own = item.first("pose")
         otherwise = {"joint": self.child(item), "frame": item.get("attached_to")}.get(item.tag, "") or "__model__"
         base = (self.base(own) if own is not None else "") or otherwise
-        self.known[name] = self.frame(base, item, (*asked, name)) @ self.pose(own)
+        self.known[name] = matmul(self.frame(base, item, (*asked, name)), self.pose(own))
         return self.known[name]
 
     def carrier(self, name: str, by: Element, asked: tuple[str, ...] = ()) -> str:

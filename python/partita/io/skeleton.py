@@ -18,6 +18,7 @@ from ..builder.checks import Array
 from ..builder.joints import motions
 from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, SpringRecord, TorqueRecord
 from ..builder.records import TorsionSpringRecord as Torsion
+from ..products import matmul, norm
 from .robot import inverse, nearest, placed
 from .writing import Writing
 from .writing_table import DROPPED, TABLE
@@ -179,7 +180,7 @@ def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
     """
     if joint.kind == "free":
         return ()
-    unit = {word: axis if word == "frame" else axis / np.linalg.norm(axis) for word, axis in joint.geometry.items()}
+    unit = {word: axis if word == "frame" else axis / norm(axis) for word, axis in joint.geometry.items()}
     axis = next((unit[word] for word in ("axis", "normal", "axis1") if word in unit), None)
     frame = unit.get("frame", np.eye(3)) if axis is None else np.column_stack([*across(axis), axis])
     along = {**dict(zip("xyz", frame.T, strict=True)), "1": axis, "2": unit.get("axis2")}
@@ -192,14 +193,14 @@ def axes_of(joint: JointRecord) -> tuple[tuple[str, Array], ...]:
 def across(axis: Array) -> tuple[Array, Array]:
     """Two directions perpendicular to an axis and to each other."""
     x = np.cross(np.eye(3)[int(np.argmin(np.abs(axis)))], axis)
-    x /= np.linalg.norm(x)
+    x /= norm(x)
     return x, np.cross(axis, x)
 
 
 def turn_of_child(joint: JointRecord) -> Array:
     """Rotation of the joint frame on the child relative to that on the parent, as drawn."""
     if joint.child_frame is not None:
-        return np.asarray(joint.child_frame @ joint.geometry.get("frame", np.eye(3)).T)
+        return np.asarray(matmul(joint.child_frame, joint.geometry.get("frame", np.eye(3)).T))
     if joint.child_axis is None:
         return np.eye(3)
     axis = next((joint.geometry[word] for word in ("axis", "normal") if word in joint.geometry), None)
@@ -208,14 +209,14 @@ def turn_of_child(joint: JointRecord) -> Array:
 
 def _between(one: Array, other: Array) -> Array:
     """The smallest rotation that brings one direction to another."""
-    a, b = one / np.linalg.norm(one), other / np.linalg.norm(other)
-    w, cosine = np.cross(a, b), float(a @ b)
-    sine = float(np.linalg.norm(w))
+    a, b = one / norm(one), other / norm(other)
+    w, cosine = np.cross(a, b), float(matmul(a, b))
+    sine = float(norm(w))
     if cosine >= 0.0:
         factor = 1.0 / (1.0 + cosine)
     else:  # opposite directions do not determine the axis of rotation
         w = w if sine > 1e-14 else across(a)[0]
-        factor = (1.0 - cosine) / float(w @ w)
+        factor = (1.0 - cosine) / float(matmul(w, w))
     cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]]) if sine > 1e-14 else np.zeros((3, 3))
     return cosine * np.eye(3) + cross + factor * np.outer(w, w)
 
@@ -234,7 +235,7 @@ def _named(joint: JointRecord, turn: Array, names: Names, reverse: bool) -> tupl
         i, (kind, axis) = kind_axis
         last = len(motions) == len(order) - 1
         name = joint.name if last else names.new(f"{joint.name} {kind} {i}")
-        motions.append(Motion(kind, turn @ (-axis if reverse else axis), name, i))
+        motions.append(Motion(kind, matmul(turn, -axis if reverse else axis), name, i))
     return tuple(motions)
 
 
@@ -254,14 +255,16 @@ def _branch(
     apart = joint.child_point is not None or joint.child_axis is not None or joint.child_frame is not None
     if apart:
         there = placed(point if joint.child_point is None else joint.child_point, turn_of_child(joint))
-        moved = placed(point, np.eye(3)) @ inverse(there)  # the transformation of the child to the joint on the parent
-        pose = inverse(drawn[joint.parent]) @ moved @ drawn[joint.child]
+        moved = matmul(
+            placed(point, np.eye(3)), inverse(there)
+        )  # the transformation of the child to the joint on the parent
+        pose = matmul(matmul(inverse(drawn[joint.parent]), moved), drawn[joint.child])
         pose = inverse(pose) if reverse else pose
         pose[:3, :3] = nearest(pose[:3, :3])
     else:
-        pose = inverse(drawn[parent]) @ drawn[body]
+        pose = matmul(inverse(drawn[parent]), drawn[body])
     same = not apart and parent not in rough
-    poses[body] = drawn[body] if same else poses[parent] @ pose
+    poses[body] = drawn[body] if same else matmul(poses[parent], pose)
     if not same:
         rough.add(body)
     if reverse:
@@ -271,8 +274,8 @@ def _branch(
             report.changed[-1] += ", its quaternion is the conjugate"
     # axes and point in the moving body
     at = inverse(drawn[joint.parent])[:3, :3]
-    in_parent = placed(at @ (point - drawn[joint.parent][:3, 3]), at)
-    seen = in_parent if reverse else inverse(pose) @ in_parent
+    in_parent = placed(matmul(at, point - drawn[joint.parent][:3, 3]), at)
+    seen = in_parent if reverse else matmul(inverse(pose), in_parent)
     floats = joint.kind == "free"
     motions = () if floats else _named(joint, seen[:3, :3], names, reverse)
     return Branch(body, parent, joint, pose, seen[:3, 3], motions, floats, joint.name)
@@ -281,8 +284,8 @@ def _branch(
 def _closure(d: Description, joint: JointRecord, drawn: dict[str, Array], names: Names) -> Closure:
     point = point_of(joint, drawn)
     other = point if joint.child_point is None else joint.child_point
-    here = inverse(drawn[joint.parent]) @ placed(point, np.eye(3))
-    there = inverse(drawn[joint.child]) @ placed(other, turn_of_child(joint))
+    here = matmul(inverse(drawn[joint.parent]), placed(point, np.eye(3)))
+    there = matmul(inverse(drawn[joint.child]), placed(other, turn_of_child(joint)))
     return Closure(joint, here, there, _named(joint, np.eye(3), names, False))
 
 
@@ -356,7 +359,7 @@ def free_length(d: Description, spring: SpringRecord) -> float:
         return spring.length
     ends = ((spring.body1, spring.point1), (spring.body2, spring.point2))
     one, other = (to_world(d, body, point) for body, point in ends)
-    return float(np.linalg.norm(other - one))
+    return float(norm(other - one))
 
 
 def text(value: float) -> str:

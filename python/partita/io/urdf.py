@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileFormatError
+from ..products import matmul
 from . import closings
 from .format_table import content
 from .looks import Look, mesh_file
@@ -95,7 +96,7 @@ def _link(robot: Robot, item: Element) -> None:
             [[of["ixx"], of["ixy"], of["ixz"]], [of["ixy"], of["iyy"], of["iyz"]], [of["ixz"], of["iyz"], of["izz"]]]
         )
         com, axes = pose[:3, 3], pose[:3, :3]
-        inertia = axes @ inertia @ axes.T
+        inertia = matmul(matmul(axes, inertia), axes.T)
     robot.links[name] = Link(name, mass, com, 0.5 * (inertia + inertia.T), item)
 
 
@@ -257,7 +258,7 @@ def _loop(robot: Robot, item: Element) -> Loop:
     for tag, pose in (("origin", 0), ("parent_origin", 0), ("child_origin", 1)):
         if (own := item.first(tag)) is not None:
             link, frame = (first, second)[pose]
-            moved = (link, frame @ origin(own))
+            moved = (link, matmul(frame, origin(own)))
             first, second = (moved, second) if pose == 0 else (first, moved)
     if plain and item.first("child_origin") is None:
         robot.reading.changed.append(

@@ -22,6 +22,7 @@ from ..builder import Builder
 from ..builder.checks import Array
 from ..builder.records import DRAWING_TOLERANCE, GROUND, RotorRecord, SpringRecord, TorsionSpringRecord
 from ..files import put
+from ..products import matmul
 from . import sidecar, writing_table
 from .closings import is_closing
 from .robot import MASSLESS, inverse
@@ -179,7 +180,7 @@ class _Writer:
         return self.world if body == GROUND else body
 
     def branch(self, branch: Branch) -> None:
-        pose = inverse(self.frames[branch.parent]) @ branch.pose @ self.frames[branch.body]
+        pose = matmul(matmul(inverse(self.frames[branch.parent]), branch.pose), self.frames[branch.body])
         ends = self.of(branch.parent), self.of(branch.body)
         if not branch.motions:
             self.joint(branch.name, "floating" if branch.floats else "fixed", ends, pose)
@@ -265,8 +266,8 @@ class _Writer:
         """Two frames to be joined: on the parent, or at the end of a chain from it, and on the child."""
         joint = closure.joint
         parent, child = self.of(joint.parent), self.of(joint.child)
-        here = inverse(self.frames[joint.parent]) @ closure.here
-        there = inverse(self.frames[joint.child]) @ closure.there
+        here = matmul(inverse(self.frames[joint.parent]), closure.here)
+        there = matmul(inverse(self.frames[joint.child]), closure.there)
         kind = "3d" if joint.kind == "spherical" else "6d"
         # the names say how the loop is closed to who reads the URDF without its sidecar
         first, second = (self.names.new(f"closing {joint.name} {side}_{kind.upper()}") for side in "12")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..products import matmul, norm
 from .format_table import remark
 from .reading import Reading
 from .request import Request
@@ -72,12 +73,12 @@ class _Reader(Bodies):
         size = scene.real("physics:gravityMagnitude", -np.inf)
         if size == np.inf:
             scene.fail("has an infinite physics:gravityMagnitude")
-        norm = float(np.linalg.norm(along))
-        along = along / norm if norm > 0.0 else -self.up
+        length = norm(along)
+        along = along / length if length > 0.0 else -self.up
         # a negative magnitude is none, whatever its size
         found = along * (size * self.length if size >= 0.0 else EARTH)
         exact = scene.finite(f"{OWN}:gravity", found)
-        same = np.allclose(exact, found, rtol=0.0, atol=EVEN * float(np.linalg.norm(found)))
+        same = np.allclose(exact, found, rtol=0.0, atol=EVEN * float(norm(found)))
         return tuple(self.agreed(scene, f"{OWN}:gravity", exact, found, same).tolist())
 
     def joint(self, prim: Prim, name: str) -> None:
@@ -121,7 +122,7 @@ class _Reader(Bodies):
     def side(self, link: str, frame: Array) -> tuple[str, Array]:
         """A link, and a frame of the world in it."""
         assert self.made.poses is not None
-        return link, frame if link == GROUND else inverse(self.made.poses[link]) @ frame
+        return link, frame if link == GROUND else matmul(inverse(self.made.poses[link]), frame)
 
     def end(self, prim: Prim, side: int) -> tuple[str, Array]:
         """The link on one side of a joint, and the frame of the joint in the world."""
@@ -138,7 +139,7 @@ class _Reader(Bodies):
         if at is None:
             prim.fail(f"joins {targets[0]} ({key}), which is not there")
         carrier = self.carried[targets[0]]
-        frame = self.frame(at) @ placed(self.length * self.scale(at) * point, turn)
+        frame = matmul(self.frame(at), placed(self.length * self.scale(at) * point, turn))
         return (GROUND if carrier == GROUND else self.bodies[carrier].name), frame
 
     def distance(self, prim: Prim, name: str, links: tuple[str, str], frames: Frames) -> None:
@@ -250,7 +251,7 @@ class _Reader(Bodies):
 
 
 def _length(frames: Frames) -> float:
-    return float(np.linalg.norm(frames.here[:3, 3] - frames.there[:3, 3]))
+    return float(norm(frames.here[:3, 3] - frames.there[:3, 3]))
 
 
 def turns(axis: str) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..products import det, matmul
 from .format_table import remark
 from .looks import Look
 from .reading import Reading
@@ -134,7 +135,7 @@ class Bodies:
         if not np.all(np.isfinite(prim.world)) or np.any(sizes == 0.0):
             prim.fail("has a transform that is not finite, or has no size")
         axes = linear / sizes
-        if float(np.abs(axes.T @ axes - np.eye(3)).max()) > EVEN or float(np.linalg.det(axes)) < 0.0:
+        if float(np.abs(matmul(axes.T, axes) - np.eye(3)).max()) > EVEN or float(det(axes)) < 0.0:
             prim.fail("is sheared or reflected by its transforms, so it has no axes that could be those of a body")
         found = self.frames[prim.get("name")] = placed(self.length * prim.world[:3, 3], nearest(axes))
         return found
@@ -181,11 +182,11 @@ class Bodies:
             if abs(across[0] - across[1]) <= EVEN * across[0]:
                 shape = {"kind": "cylinder", "radius": float(across[0]) * radius, "length": float(sizes[k]) * height}
                 if frame is not None:
-                    frame = frame @ placed(np.zeros(3), np.roll(np.eye(3), k - 2, axis=0))
+                    frame = matmul(frame, placed(np.zeros(3), np.roll(np.eye(3), k - 2, axis=0)))
         if shape is None or frame is None:
             self.remark(prim, "this shape is not drawn", "", "looks")
             return
-        pose = frame if body is None else inverse(body.frame) @ frame
+        pose = frame if body is None else matmul(inverse(body.frame), frame)
         self.made.looks.append(Look(GROUND if body is None else body.name, pose, shape))
 
     def link(self, body: Body, shapes: list[Prim]) -> Link:
@@ -230,7 +231,7 @@ class Bodies:
         """The inertia that a body gives about its centre of mass, in its own axes and the units of the file."""
         quaternion = prim.finite("physics:principalAxes", (0.0,) * 4)
         axes = rotation(prim, "physics:principalAxes", quaternion) if np.any(quaternion) else np.eye(3)
-        found = axes @ np.diag(moments) @ axes.T
+        found = matmul(matmul(axes, np.diag(moments)), axes.T)
         if prim.value(f"{OWN}:inertia") is None:
             return found
         exact = prim.finite(f"{OWN}:inertia", (0.0,) * 9).reshape(3, 3)

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..products import matmul, norm
 from .robot import Array, inverse, placed, turned
 from .usd_mass import axis_of
 from .usd_stage import Prim
@@ -122,7 +123,7 @@ def split(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, float
     here, there = frames
     if kind.word == "universal":
         return _crossed(at, kind, frames)
-    between = inverse(here) @ there
+    between = matmul(inverse(here), there)
     shift, turn = between[:3, 3].copy(), between[:3, :3]
     drawn: dict[str, float] = {}
     rotations = [word for word in kind.free if len(word) == 2]
@@ -132,14 +133,14 @@ def split(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, float
         axis = np.eye(3)["xyz".index(rotations[0][1])]
         angle = _twist(turn, axis)
         drawn[f"rot{rotations[0][1].upper()}"] = angle
-        turn = turn @ turned(-angle * axis)
+        turn = matmul(turn, turned(-angle * axis))
     for word in kind.free:
         if len(word) == 1:
             i = "xyz".index(word)
             drawn[f"trans{word.upper()}"], shift[i] = float(shift[i]), 0.0
     if set(kind.coordinates) <= {"angular", "linear"}:
         drawn = dict(zip(kind.coordinates, drawn.values(), strict=False))
-    frames = Frames(here, here @ placed(shift, turn))
+    frames = Frames(here, matmul(here, placed(shift, turn)))
     gap, angle = apart(frames)
     return (frames if gap > CLOSED or angle > CLOSED else Frames(here, here)), drawn
 
@@ -148,20 +149,20 @@ def _crossed(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, fl
     """A universal joint: one axis of the first frame, one of the second."""
     here, there = frames
     assert kind.axis is not None and kind.second is not None
-    first = here[:3, :3] @ kind.axis
-    second = there[:3, :3] @ kind.second
-    second = second - float(second @ first) * first
-    if not np.linalg.norm(second) > _SQUARE:
+    first = matmul(here[:3, :3], kind.axis)
+    second = matmul(there[:3, :3], kind.second)
+    second = second - float(matmul(second, first)) * first
+    if not norm(second) > _SQUARE:
         at.fail("has parallel axes of rotation as drawn; a universal joint has two that are perpendicular")
-    second /= np.linalg.norm(second)
+    second /= norm(second)
     third = np.cross(kind.axis, kind.second)
     local, world = (
         np.column_stack([kind.axis, kind.second, third]),
         np.column_stack([first, second, np.cross(first, second)]),
     )
-    turn = world @ local.T
-    angle = _twist(here[:3, :3].T @ turn, kind.axis)
-    spin = _twist(turn.T @ there[:3, :3], kind.second)
+    turn = matmul(world, local.T)
+    angle = _twist(matmul(here[:3, :3].T, turn), kind.axis)
+    spin = _twist(matmul(turn.T, there[:3, :3]), kind.second)
     drawn = dict(zip(kind.coordinates, (angle, spin), strict=True))
     frames = Frames(placed(here[:3, 3], turn), placed(there[:3, 3], turn))
     return (frames if apart(frames)[0] > CLOSED else Frames(frames.here, frames.here)), drawn
@@ -169,11 +170,11 @@ def _crossed(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, fl
 
 def apart(frames: Frames) -> tuple[float, float]:
     """How far two frames are apart: distance, in parts of 1 m and the distance from the origin, and angle [rad]."""
-    between = inverse(frames.here) @ frames.there
+    between = matmul(inverse(frames.here), frames.there)
     cosine = np.clip(0.5 * (np.trace(between[:3, :3]) - 1.0), -1.0, 1.0)
-    sine = 0.5 * np.linalg.norm(between[:3, :3] - between[:3, :3].T) / np.sqrt(2.0)
-    size = 1.0 + float(np.linalg.norm(frames.here[:3, 3]))
-    return float(np.linalg.norm(between[:3, 3])) / size, float(np.arctan2(sine, cosine))
+    sine = 0.5 * norm(between[:3, :3] - between[:3, :3].T) / np.sqrt(2.0)
+    size = 1.0 + float(norm(frames.here[:3, 3]))
+    return float(norm(between[:3, 3])) / size, float(np.arctan2(sine, cosine))
 
 
 def _twist(turn: Array, axis: Array) -> float:

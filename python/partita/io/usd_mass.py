@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..products import det, matmul
 from .robot import Array, inverse
 from .usd_stage import Prim
 
@@ -32,9 +33,9 @@ class Solid:
 
     def mapped(self, linear: Array, shift: Array) -> Solid:
         """The same after a linear map of its points, and a shift."""
-        factor = abs(float(np.linalg.det(linear)))
-        moments = factor * linear @ self.moments @ linear.T
-        return Solid(factor * self.volume, linear @ self.center + shift, moments)
+        factor = abs(float(det(linear)))
+        moments = matmul(matmul(factor * linear, self.moments), linear.T)
+        return Solid(factor * self.volume, matmul(linear, self.center) + shift, moments)
 
 
 def solid(prim: Prim) -> Solid | None:
@@ -167,8 +168,8 @@ def part(prim: Prim, frame: Array, length: float, density: float, mass: float) -
     if found is None or found.volume <= 0.0:
         return None
     into = inverse(frame)
-    linear = into[:3, :3] @ (length * prim.world[:3, :3])
-    shift = into[:3, :3] @ (length * prim.world[:3, 3]) + into[:3, 3]
+    linear = matmul(into[:3, :3], length * prim.world[:3, :3])
+    shift = matmul(into[:3, :3], length * prim.world[:3, 3]) + into[:3, 3]
     here = found.mapped(linear, shift)
     if here.volume <= 0.0:
         return None
@@ -189,4 +190,4 @@ def together(parts: list[Part]) -> Part:
 
 def about(inertia: Array, mass: float, arm: Array) -> Array:
     """An inertia about the centre of mass, about a point at this arm from it."""
-    return np.asarray(inertia + mass * (arm @ arm * np.eye(3) - np.outer(arm, arm)))
+    return np.asarray(inertia + mass * (matmul(arm, arm) * np.eye(3) - np.outer(arm, arm)))

@@ -22,6 +22,7 @@ from ..builder.records import GROUND, BodyRecord, CouplingRecord, JointRecord
 from ..extras import extra
 from ..files import put
 from ..numeric import quaternion
+from ..products import det, matmul, norm
 from . import writing_table
 from .robot import inverse, placed
 from .skeleton import Spring, across, point_of, springs, text, turn_of_child
@@ -109,7 +110,7 @@ class _Writer:
     def scene(self) -> list[str]:
         """Gravity."""
         gravity = np.array(self.mechanism._description.gravity)
-        size = float(np.linalg.norm(gravity))
+        size = float(norm(gravity))
         along = gravity / size if size > 0.0 else np.zeros(3)
         lines = [
             f"vector3f physics:gravityDirection = {_singles(along)}",
@@ -127,7 +128,7 @@ class _Writer:
         moments, axes = np.linalg.eigh(body.inertia)
         if np.array_equal(body.inertia, np.diag(np.diag(body.inertia))):
             moments, axes = np.diag(body.inertia), np.eye(3)
-        elif np.linalg.det(axes) < 0.0:
+        elif det(axes) < 0.0:
             axes[:, 0] *= -1.0
         rows = ", ".join(_doubles(row) for row in placed(body.position, body.rotation).T)
         lines = [
@@ -160,14 +161,14 @@ class _Writer:
         point = point_of(joint, drawn)
         here = placed(point, form.frame)
         beyond = point if joint.child_point is None else joint.child_point
-        there = placed(beyond, turn_of_child(joint) @ form.frame)
+        there = placed(beyond, matmul(turn_of_child(joint), form.frame))
         if not np.array_equal(here, there):
             self.report.changed.append(
                 f"joint {joint.name}: its coordinates are zero as drawn, where its frames are apart"
             )
         lines = []
         for side, (body, frame) in enumerate(((joint.parent, here), (joint.child, there))):
-            lines += self.end(side, body, frame if body == GROUND else inverse(drawn[body]) @ frame)
+            lines += self.end(side, body, frame if body == GROUND else matmul(inverse(drawn[body]), frame))
         return lines
 
     def end(self, side: int, body: str, frame: Array) -> list[str]:
@@ -246,7 +247,7 @@ class _Writer:
 
     def form(self, joint: JointRecord) -> _Form | None:
         """The form of a joint; None where USD has none."""
-        unit = {word: x if word == "frame" else x / np.linalg.norm(x) for word, x in joint.geometry.items()}
+        unit = {word: x if word == "frame" else x / norm(x) for word, x in joint.geometry.items()}
         axis = next((unit[word] for word in ("axis", "normal", "axis1") if word in unit), np.array([1.0, 0.0, 0.0]))
         if joint.kind == "fixed":
             return _Form("PhysicsFixedJoint", np.eye(3))
@@ -290,7 +291,7 @@ class _Writer:
 
     def crossed(self, joint: JointRecord, first: Array, second: Array) -> _Form | None:
         """A universal joint: a swing about y of the frame, then a twist about x, as PhysX has it."""
-        if abs(float(first @ second)) > _SQUARE:
+        if abs(float(matmul(first, second))) > _SQUARE:
             self.report.dropped.append(f"universal joint {joint.name}, whose axes are not perpendicular")
             return None
         self.report.changed.append(

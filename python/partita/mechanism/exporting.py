@@ -49,8 +49,8 @@ def export_c(
     * `NAME_joint_rates`, `NAME_actuator_rates`, `NAME_actuator_torques`, `NAME_joint_torques`: by these;
     * `NAME_inertia(q, inertia, lengths2)`: mass matrix in the rates of the actuators (their reflected inertia), and 1
       over the inertia or mass that each moves with all joints open;
-    * `NAME_margin(q, margin)`: distance from a position where the actuators cannot cause every motion: 0 there, at most 1.
-      Bodies without mass or inertia count as they are, where `inverse_dynamics` gives them a little.
+    * `NAME_margin(q, margin)`: distance from a position where the actuators cannot cause every motion: 0 there, at
+      most 1. Bodies without mass or inertia count as they are, where `inverse_dynamics` gives them a little.
 
     `NAME_to_actuators`, `NAME_inverse_jacobian` and what uses them exist where there are as many joints as actuators.
     Each function returns 0, or 1 where its choice of coordinates does not serve or a loop does not close: then its

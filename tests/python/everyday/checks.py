@@ -19,7 +19,7 @@ import partita as pt
 
 from .case import between
 from .independent import motion
-from .judging import DRAWN_OFF, FALLS, MORE, OUTPUTS, TIGHT, Judged, crosses, poses, run
+from .judging import DRAWN_OFF, FALLS, MORE, OUTPUTS, TIGHT, Judged, crosses, finer, poses, run
 from .loads import TableCourse, TableForce, TableTorque, is_function
 
 Check = Callable[[Judged], None]
@@ -82,6 +82,14 @@ def in_other_words(j: Judged, what: str, case: object, back: Callable[[Array], A
         return
     j.looked_closer(error)
     limit = j.allowed + drawn + late * j.growth
+    if limit < error <= MORE * limit:
+        options = {**j.case.options, **finer(j.case)}
+        left = poses(run(m, case, case.start(m), case.times(OUTPUTS), **options), case)
+        if back is not None:
+            left = back(left)
+        if np.abs(left - poses(j.reference, j.case)).max() <= max(error / FALLS, limit):
+            j.verdict.counts[f"{what}: more than promised, and falls with the tolerance"] += 1
+            return
     if limit < error <= MORE * limit and follows_errors(j, error):
         j.verdict.counts[f"{what}: more than the errors of the drawing, and falls with them"] += 1
         return

@@ -91,8 +91,7 @@ class Judged:
         if not self.allowed < error <= MORE * self.allowed:
             return
         c, times = self.case, self.case.times(OUTPUTS)
-        finer = {key: c.options[key] / 100.0 for key in ("rtol", "atol") if key in c.options}
-        own, left = (self.off(run(self.mechanism, c, self.start, times, **{**c.options, **x})) for x in ({}, finer))
+        own, left = (self.off(run(self.mechanism, c, self.start, times, **{**c.options, **x})) for x in ({}, finer(c)))
         if self.allowed < own <= MORE * self.allowed and left <= max(own / FALLS, self.allowed):
             self.verdict.counts["tolerance: more than promised, and falls with it"] += 1
             self.coarse = 2.0 * own
@@ -145,6 +144,11 @@ def run(m: pt.Mechanism, case: Case, start: pt.State, times: Any = None, **optio
     if not found.success:
         raise Refused(f"{found.status}: {found.message}")
     return found
+
+
+def finer(c: Case) -> dict[str, float]:
+    """Its tolerances, a hundredth as large."""
+    return {key: c.options[key] / 100.0 for key in ("rtol", "atol") if key in c.options}
 
 
 def nudged(c: Case, m: pt.Mechanism) -> pt.State:

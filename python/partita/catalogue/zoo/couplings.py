@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...products import matmul
 from ..truth import EVERYTHING, Truth
 from .drawing import around, block, disc, link, meet, polar
 from .member import FALL, Theme, member
@@ -41,7 +42,7 @@ def planetary_gear(m: Mechanism) -> None:
     m.add_revolute("sun", "ground", "sun", point=(0, 0, 0))
     m.add_revolute("carrier", "ground", "carrier", point=(0, 0, 0))
     for i in (1, 2, 3):
-        at = around(Z, 120.0 * i) @ (sun + planet, 0.0, 0.0)
+        at = matmul(around(Z, 120.0 * i), (sun + planet, 0.0, 0.0))
         disc(m, f"planet {i}", at, Z, planet, 0.4)
         m.add_revolute(f"planet {i}", "carrier", f"planet {i}", point=at)
         m.add_coupler(f"inner mesh {i}", ["sun", "carrier", f"planet {i}"], [sun, -sun, planet], word="gear")
@@ -145,7 +146,7 @@ def cam_rocker(m: Mechanism) -> None:
 def cv_shaft(m: Mechanism) -> None:
     """Bearings 0.3 m from the centre; the output carries an arm."""
     bend = around(Z, 25.0)
-    along = bend @ (1.0, 0.0, 0.0)
+    along = matmul(bend, (1.0, 0.0, 0.0))
     disc(m, "input", (-0.3, 0, 0), (1, 0, 0), 0.1, 2.0)
     link(m, "output", 0.3 * along, 0.35 * along + (0.0, 0.0, -0.2), density=5.0)
     m.add_revolute("in", "ground", "input", point=(-0.3, 0, 0), axis=(1, 0, 0))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...builder import Body
 from ...mechanism import Mechanism
+from ...products import matmul, norm
 from ..dyad import arms
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +45,7 @@ def in_space(z: complex, height: float = 0.0) -> FloatArray:
 def unit(vector: ArrayLike) -> FloatArray:
     """The direction of a vector."""
     a = np.asarray(vector, dtype=float)
-    return np.asarray(a / np.linalg.norm(a))
+    return np.asarray(a / norm(a))
 
 
 def around(axis: ArrayLike, degrees: float) -> FloatArray:
@@ -52,7 +53,7 @@ def around(axis: ArrayLike, degrees: float) -> FloatArray:
     k = unit(axis)
     cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
     a = math.radians(degrees)
-    return np.asarray(np.eye(3) + math.sin(a) * cross + (1.0 - math.cos(a)) * cross @ cross)
+    return np.asarray(np.eye(3) + math.sin(a) * cross + matmul((1.0 - math.cos(a)) * cross, cross))
 
 
 def link(m: Mechanism, name: str, *points: ArrayLike, density: float = 1.0) -> Body:
@@ -60,7 +61,7 @@ def link(m: Mechanism, name: str, *points: ArrayLike, density: float = 1.0) -> B
     first, *others = (np.asarray(point, dtype=float) for point in points)
     ends = [point - first for point in others]
     mass, com, inertia = arms(*ends)
-    thick = mass * (THICKNESS * max(float(np.linalg.norm(end)) for end in ends)) ** 2
+    thick = mass * (THICKNESS * max(float(norm(end)) for end in ends)) ** 2
     return m.add_body(
         name, mass=density * mass, inertia=density * (inertia + thick * np.eye(3)), com=com, position=first
     )
@@ -106,7 +107,7 @@ def linkage(
     slide". `turned` rotates the plane in space.
     """
     turn = np.eye(3) if turned is None else turned
-    positions = {name: turn @ in_space(z) for name, z in points.items()}
+    positions = {name: matmul(turn, in_space(z)) for name, z in points.items()}
     width = 0.1 * max(abs(p - q) for p in points.values() for q in points.values())
     holders: dict[str, list[Body | str]] = {name: [] for name in points}
     for name in ground.split():
@@ -121,6 +122,8 @@ def linkage(
     for name, (first, *others) in holders.items():
         for i, other in enumerate(others):
             pin = name if i == 0 else f"{name}{i + 1}"
-            m.add_revolute(pin, first, other, point=positions[name], axis=turn @ in_space(0, 1.0))
+            m.add_revolute(pin, first, other, point=positions[name], axis=matmul(turn, in_space(0, 1.0)))
     for name, slide in (slides or {}).items():
-        m.add_prismatic(f"{name} slide", slide.on, name, point=positions[slide.at], axis=turn @ in_space(slide.along))
+        m.add_prismatic(
+            f"{name} slide", slide.on, name, point=positions[slide.at], axis=matmul(turn, in_space(slide.along))
+        )

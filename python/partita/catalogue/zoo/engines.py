@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...products import matmul
 from ..truth import EVERYTHING, Truth, planar
 from .drawing import FloatArray, around, block, disc, in_space, link, polar
 from .member import Theme, member
@@ -112,13 +113,13 @@ def wobble_plate(m: Mechanism) -> None:
     """Shaft along z, journal inclined by 15 degrees about a point of its axis; a peg of the plate stays in a plane."""
     tilt = around((1, 0, 0), 15.0)
     disc(m, "shaft", (0, 0, 0), (0, 0, 1), 0.08, 2.0)
-    disc(m, "plate", (0, 0, 0), tilt @ (0, 0, 1), 0.1, 1.0)
+    disc(m, "plate", (0, 0, 0), matmul(tilt, (0, 0, 1)), 0.1, 1.0)
     m.add_revolute("main", "ground", "shaft", point=(0, 0, -0.1), cut="never")
-    m.add_revolute("journal", "shaft", "plate", point=(0, 0, 0), axis=tilt @ (0, 0, 1))
-    peg = tilt @ (0, 0.12, 0)
+    m.add_revolute("journal", "shaft", "plate", point=(0, 0, 0), axis=matmul(tilt, (0, 0, 1)))
+    peg = matmul(tilt, (0, 0.12, 0))
     m.add_joint("guide", "ground", "plate", free=("y", "z", "rx", "ry", "rz"), point=peg)
     for i in range(4):
-        ball = tilt @ around((0, 0, 1), 45.0 + 90.0 * i) @ (0.09, 0, 0)
+        ball = matmul(matmul(tilt, around((0, 0, 1), 45.0 + 90.0 * i)), (0.09, 0, 0))
         x, y = around((0, 0, 1), 45.0 + 90.0 * i)[:2, 0] * 0.09
         wrist = np.array([x, y, ball[2] + math.sqrt(0.15**2 - (x - ball[0]) ** 2 - (y - ball[1]) ** 2)])
         link(m, f"rod {i + 1}", ball, wrist, density=2.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...products import matmul, norm
 from ...results import Result
 from ..entry import Check
 from ..truth import EVERYTHING, Truth, planar
@@ -40,7 +41,7 @@ def telescope(m: Mechanism, leg: str, foot: FloatArray, head: FloatArray, base: 
     m.add_prismatic(f"slide {leg}", f"lower {leg}", f"upper {leg}", point=head, axis=along)
     m.add_spherical(f"head {leg}", f"upper {leg}", "platform", point=head)
     m.add_spring(f"actuator {leg}", "ground", foot, f"upper {leg}", (0, 0, 0), stiffness=stiffness, damping=20.0,
-                 length=float(np.linalg.norm(along)) + 0.01)  # fmt: skip
+                 length=float(norm(along)) + 0.01)  # fmt: skip
 
 
 def stewart(m: Mechanism, base: str) -> None:
@@ -116,17 +117,25 @@ def delta(m: Mechanism) -> None:
     for i, angle in enumerate((0.0, 120.0, 240.0)):
         turn = around(UP, angle)
         shoulder = np.array([0.2, 0.0, 0.0])
-        elbow = shoulder + around((0, 1, 0), 20.0) @ (0.3, 0.0, 0.0)
+        elbow = shoulder + matmul(around((0, 1, 0), 20.0), (0.3, 0.0, 0.0))
         height = elbow[2] - (0.7**2 - (elbow[0] - 0.06) ** 2) ** 0.5
         wrist = np.array([0.06, 0.0, height])
         leg = str(i + 1)
         lift = np.array([0.0, 0.0, height])
-        link(m, f"arm {leg}", turn @ (shoulder - lift), turn @ (elbow - lift), density=2.0)
-        m.add_revolute(f"shoulder {leg}", "ground", f"arm {leg}", point=turn @ (shoulder - lift),
-                       axis=turn @ (0, 1, 0))  # fmt: skip
-        bars(m, leg, turn @ (elbow - lift), turn @ (wrist - lift), turn @ (0.0, 0.1, 0.0), f"arm {leg}", spins=True)
-        m.add_spring(f"motor {leg}", "ground", turn @ (shoulder - lift + (0.1, 0.0, 0.3)), f"arm {leg}",
-                     turn @ (elbow - shoulder), stiffness=150.0, damping=1.0, length=0.3)  # fmt: skip
+        link(m, f"arm {leg}", matmul(turn, shoulder - lift), matmul(turn, elbow - lift), density=2.0)
+        m.add_revolute(f"shoulder {leg}", "ground", f"arm {leg}", point=matmul(turn, shoulder - lift),
+                       axis=matmul(turn, (0, 1, 0)))  # fmt: skip
+        bars(
+            m,
+            leg,
+            matmul(turn, elbow - lift),
+            matmul(turn, wrist - lift),
+            matmul(turn, (0.0, 0.1, 0.0)),
+            f"arm {leg}",
+            spins=True,
+        )
+        m.add_spring(f"motor {leg}", "ground", matmul(turn, shoulder - lift + (0.1, 0.0, 0.3)), f"arm {leg}",
+                     matmul(turn, elbow - shoulder), stiffness=150.0, damping=1.0, length=0.3)  # fmt: skip
 
 
 @member(MEMBERS, "orthoglide", "three slides at right angles and three parallelograms: the platform only translates",
@@ -163,7 +172,7 @@ def three_rps(m: Mechanism) -> None:
         m.add_prismatic(f"slide {leg}", f"lower {leg}", f"upper {leg}", point=head, axis=along, cut="never")
         m.add_spherical(f"head {leg}", f"upper {leg}", "platform", point=head)
         m.add_spring(f"actuator {leg}", "ground", foot, f"upper {leg}", (0, 0, 0), stiffness=2e3, damping=10.0,
-                     length=float(np.linalg.norm(along)) + 0.01)  # fmt: skip
+                     length=float(norm(along)) + 0.01)  # fmt: skip
 
 
 def axes_of_the_platform(result: Result) -> float:
@@ -171,7 +180,7 @@ def axes_of_the_platform(result: Result) -> float:
     feet, whatever their lengths, and the hinge of leg 3 with the leg."""
     feet = [result.joint(f"foot {leg}").point for leg in "123"]
     head = result.joint("head 3").point
-    platform = result.body("platform").rotation @ np.column_stack([PARALLEL, ACROSS])
+    platform = matmul(result.body("platform").rotation, np.column_stack([PARALLEL, ACROSS]))
     along, across = platform[..., 0], platform[..., 1]
     base, leg = feet[1] - feet[0], head - feet[2]
     pairs = ((across, base), (along, leg))
@@ -179,7 +188,7 @@ def axes_of_the_platform(result: Result) -> float:
 
 
 TILT = 20.0  # of the plane of legs 1 and 2 in the drawing, about x [deg]
-PARALLEL, ACROSS = np.array([1.0, 0.0, 0.0]), around((1, 0, 0), TILT) @ (0.0, 1.0, 0.0)
+PARALLEL, ACROSS = np.array([1.0, 0.0, 0.0]), matmul(around((1, 0, 0), TILT), (0.0, 1.0, 0.0))
 """Axes of the platform as drawn: of the hinge of leg 3, and of those of legs 1 and 2."""
 
 
@@ -196,7 +205,7 @@ PARALLEL, ACROSS = np.array([1.0, 0.0, 0.0]), around((1, 0, 0), TILT) @ (0.0, 1.
                     axes_of_the_platform),))  # fmt: skip
 def exechon_like(m: Mechanism) -> None:
     """Feet 0.8 m apart, the third 0.5 m beside them; a platform of 0.3 m hangs 0.9 m below. Springs in the legs."""
-    down = around((1, 0, 0), TILT) @ (0.0, 0.0, -0.9)
+    down = matmul(around((1, 0, 0), TILT), (0.0, 0.0, -0.9))
     feet = [np.array([-0.4, 0.0, 0.0]), np.array([0.4, 0.0, 0.0]), np.array([0.0, 0.5, 0.0])]
     heads = [down - 0.15 * PARALLEL, down + 0.15 * PARALLEL, down + 0.2 * ACROSS]
     link(m, "platform", down, *heads, density=4.0)
@@ -212,7 +221,7 @@ def exechon_like(m: Mechanism) -> None:
         m.add_prismatic(f"slide {leg}", f"lower {leg}", f"upper {leg}", point=head, axis=along, cut="never")
         m.add_revolute(f"head {leg}", f"upper {leg}", "platform", point=head, axis=PARALLEL if leg == "3" else ACROSS)
         m.add_spring(f"actuator {leg}", "ground", foot, f"upper {leg}", (0, 0, 0), stiffness=300.0, damping=0.5,
-                     length=float(np.linalg.norm(along)) - 0.05)  # fmt: skip
+                     length=float(norm(along)) - 0.05)  # fmt: skip
 
 
 @member(MEMBERS, "parallel-ankle", "ankle of a walking machine: a universal joint, moved by two levers and two rods",
@@ -227,7 +236,7 @@ def parallel_ankle(m: Mechanism) -> None:
     m.add_universal("ankle", "ground", "foot", point=(0, 0, 0), axis1=(0, 1, 0), axis2=(1, 0, 0), cut="never")
     for i, height in enumerate((0.28, 0.2)):
         side, pivot = "lr"[i], np.array([0.0, heel[i][1], height])
-        tip = pivot + around((0, 1, 0), -10.0) @ (-0.06, 0.0, 0.0)
+        tip = pivot + matmul(around((0, 1, 0), -10.0), (-0.06, 0.0, 0.0))
         link(m, f"lever {side}", pivot, tip, density=2.0)
         link(m, f"rod {side}", tip, heel[i])
         m.add_revolute(f"motor {side}", "ground", f"lever {side}", point=pivot, axis=(0, 1, 0))

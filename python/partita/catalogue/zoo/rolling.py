@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...products import matmul
 from ..truth import EVERYTHING, Truth
 from .drawing import around
 from .member import FALL, Theme, member
@@ -20,7 +21,7 @@ WHIPPLE = (
 DESCENT = 9.81 * math.sin(0.1), 0.0, -9.81 * math.cos(0.1)
 SPEED, REAR, FRONT = 4.6, 0.3, 0.35
 LEAN = math.radians(20.0)
-LEANING = around((0, 1, 0), 20.0) @ np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+LEANING = matmul(around((0, 1, 0), 20.0), np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 """Axes of the coin: it runs along y, the third axis across it, the second up, leaning."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...products import matmul
 from ..truth import EVERYTHING, Truth
 from .drawing import around, disc, link, unit
 from .member import FALL, Theme, member
@@ -27,7 +28,7 @@ MAGNUS = "K. Magnus, Kreisel: Theorie und Anwendungen"
 def double_cardan(m: Mechanism) -> None:
     """Bearings drawn 0.3 m outside the crosses; both shafts at 25 degrees to the middle one, in the x-y plane."""
     p, q = np.zeros(3), np.array([0.5, 0.0, 0.0])
-    lean = around((0, 0, 1), 25.0) @ (1.0, 0.0, 0.0)
+    lean = matmul(around((0, 0, 1), 25.0), (1.0, 0.0, 0.0))
     up, across = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     disc(m, "input", p - 0.3 * lean, lean, 0.1, 2.0)
     disc(m, "shaft", (p + q) / 2, q - p, 0.04, 3.0)
@@ -59,8 +60,8 @@ def rscr(m: Mechanism) -> None:
 def rccc(m: Mechanism) -> None:
     """Four skew axes, their directions the corners of a spherical crank-rocker."""
     points = [np.array(x) for x in ((0.0, 0.0, 0.0), (0.3, 0.1, 0.0), (0.8, 0.6, 0.2), (0.9, 0.0, -0.1))]
-    axes = [np.array((0.0, 0.0, 1.0)), around((1, 0.3, 0), 25.0) @ (0, 0, 1), unit((0.6, 1.0, 0.9)),
-            around((0, 1, 0), 80.0) @ (0, 0, 1)]  # fmt: skip
+    axes = [np.array((0.0, 0.0, 1.0)), matmul(around((1, 0.3, 0), 25.0), (0, 0, 1)), unit((0.6, 1.0, 0.9)),
+            matmul(around((0, 1, 0), 80.0), (0, 0, 1))]  # fmt: skip
     for name, near, far in (("crank", 0, 1), ("coupler", 1, 2), ("rocker", 3, 2)):
         link(m, name, points[near], points[far])
     m.add_revolute("R", "ground", "crank", point=points[0], axis=axes[0], cut="never")
@@ -75,7 +76,7 @@ def rccc(m: Mechanism) -> None:
         rates={"outer": 0.3, "inner": 0.2, "spin": 60.0}, gravity=FALL, samples=1001, seconds=3.0)  # fmt: skip
 def gyroscope(m: Mechanism) -> None:
     """The rotor's centre is 5 mm from the intersection of the axes; the inner frame starts tilted by 30 degrees."""
-    axis = around((1, 0, 0), 30.0) @ (0.0, 1.0, 0.0)
+    axis = matmul(around((1, 0, 0), 30.0), (0.0, 1.0, 0.0))
     disc(m, "outer frame", REST, (0, 1, 0), 0.12, 0.3)
     disc(m, "inner frame", REST, (1, 0, 0), 0.1, 0.2)
     disc(m, "rotor", 0.005 * axis, axis, 0.07, 1.0)
@@ -89,7 +90,7 @@ def gyroscope(m: Mechanism) -> None:
         rates={"tip": (0.0, 0.5, 150.0)}, gravity=FALL, samples=1501, seconds=3.0)  # fmt: skip
 def heavy_top(m: Mechanism) -> None:
     """A disc 0.1 m from its tip, leaning by 40 degrees."""
-    axis = around((0, 1, 0), 40.0) @ (0.0, 0.0, 1.0)
+    axis = matmul(around((0, 1, 0), 40.0), (0.0, 0.0, 1.0))
     disc(m, "top", 0.1 * axis, axis, 0.06, 0.5)
     m.add_spherical("tip", "ground", "top", point=REST)
 
@@ -103,6 +104,6 @@ def gyro_pair(m: Mechanism) -> None:
     link(m, "frame", REST, (0.2, 0, 0), (-0.2, 0, 0), (0, 0.1, 0), density=3.0)
     m.add_free("flight", "ground", "frame", point=REST)
     for side, x, lean in (("left", -0.2, -30.0), ("right", 0.2, 30.0)):
-        axis = around((0, 1, 0), lean) @ (0.0, 0.0, 1.0)
+        axis = matmul(around((0, 1, 0), lean), (0.0, 0.0, 1.0))
         disc(m, f"rotor {side}", (x, 0, 0), axis, 0.08, 0.8)
         m.add_revolute(side, "frame", f"rotor {side}", point=(x, 0, 0), axis=axis)

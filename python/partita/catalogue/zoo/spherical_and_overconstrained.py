@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...products import inverse_pose, matmul
 from ..truth import ABOUT_AXES, Truth
 from .drawing import FloatArray, around, link, unit
 from .member import DOWN, FALL, Theme, member
@@ -29,7 +30,7 @@ def ring(m: Mechanism, points: list[FloatArray], axes: list[FloatArray], names: 
 
 def pole(polar: float, azimuth: float) -> FloatArray:
     """A direction by its angle from z and that about it [deg]."""
-    return np.asarray(around((0, 0, 1), azimuth) @ around((0, 1, 0), polar) @ (0.0, 0.0, 1.0))
+    return np.asarray(matmul(matmul(around((0, 0, 1), azimuth), around((0, 1, 0), polar)), (0.0, 0.0, 1.0)))
 
 
 @member(MEMBERS, "spherical-four-bar", "spherical four-bar: four hinges whose axes meet in one point",
@@ -47,12 +48,12 @@ def spherical_four_bar(m: Mechanism) -> None:
 
 def meeting(b: FloatArray, d: FloatArray, to_b: float, to_d: float) -> FloatArray:
     """The direction at these angles [deg] from two others, on the left of the arc from b to d."""
-    cosines, between = np.cos(np.radians((to_b, to_d))), float(b @ d)
+    cosines, between = np.cos(np.radians((to_b, to_d))), float(matmul(b, d))
     x = (cosines[0] - between * cosines[1]) / (1.0 - between**2)
     y = (cosines[1] - between * cosines[0]) / (1.0 - between**2)
     in_plane = x * b + y * d
     across = np.cross(b, d)
-    return np.asarray(in_plane + across * math.sqrt((1.0 - in_plane @ in_plane) / (across @ across)))
+    return np.asarray(in_plane + across * math.sqrt((1.0 - matmul(in_plane, in_plane)) / (matmul(across, across))))
 
 
 def wrist(m: Mechanism, axes: list[tuple[FloatArray, FloatArray, FloatArray]], radius: float) -> None:
@@ -126,7 +127,7 @@ def bennett(m: Mechanism) -> None:
     second = bennett_angle(first, alpha, beta)
     frames = [np.eye(4)]
     for angle, (length, twist) in zip((first, second, -first), ((a, alpha), (b, beta), (a, alpha)), strict=True):
-        frames.append(frames[-1] @ turn(angle) @ bar(length, twist))
+        frames.append(matmul(matmul(frames[-1], turn(angle)), bar(length, twist)))
     ring(m, [f[:3, 3] for f in frames], [f[:3, 2] for f in frames], "ABCD")
 
 
@@ -140,11 +141,11 @@ def two_bennetts(m: Mechanism, alpha: float, gamma: float, beta: float, between:
     a, b, c = math.sin(al), math.sin(be), math.sin(ga)
     at_second = math.radians(65.0)
     two = np.eye(4)
-    one = two @ np.linalg.inv(bar(a, al))
-    five = two @ turn(-shift) @ np.linalg.inv(bar(c, ga))
-    three = two @ turn(at_second) @ bar(b, be)
-    four = three @ turn(bennett_angle(at_second, be, al)) @ bar(a, al)
-    six = three @ turn(bennett_angle(at_second + shift, be, ga)) @ bar(c, ga)
+    one = matmul(two, inverse_pose(bar(a, al)))
+    five = matmul(matmul(two, turn(-shift)), inverse_pose(bar(c, ga)))
+    three = matmul(matmul(two, turn(at_second)), bar(b, be))
+    four = matmul(matmul(three, turn(bennett_angle(at_second, be, al))), bar(a, al))
+    six = matmul(matmul(three, turn(bennett_angle(at_second + shift, be, ga))), bar(c, ga))
     frames = [one, four, three, six, five]
     # joints a little along their axes: two of these may meet
     ring(m, [f[:3, 3] + 0.2 * f[:3, 2] for f in frames], [f[:3, 2] for f in frames], "ABCDE")
@@ -187,7 +188,7 @@ def bricard_plane_symmetric(m: Mechanism) -> None:
     axes += [mirror * axes[2], mirror * axes[1]]
     # rotated, so that no component is unique along an axis of the world or of a joint by chance
     turned = around((1.0, 2.0, 3.0), 50.0)
-    ring(m, [turned @ p for p in points], [turned @ a for a in axes], "ABCDEF")
+    ring(m, [matmul(turned, p) for p in points], [matmul(turned, a) for a in axes], "ABCDEF")
 
 
 @member(MEMBERS, "sarrus", "Sarrus' linkage: two chains of parallel hinges lift a platform straight up",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism import Mechanism
+from ...products import norm
 from ..truth import EVERYTHING, Truth
 from .drawing import FloatArray, disc, link, unit
 from .member import FALL, Theme, member
@@ -37,7 +38,7 @@ def arm(m: Mechanism, name: str, front: FloatArray, rear: FloatArray, ball: Floa
 def spring(m: Mechanism, top: FloatArray, body: str, bottom: FloatArray) -> None:
     """A strut between the ground and a point of a body, both given in the world, that pushes with 900 N as drawn."""
     origin = next(item["position"] for item in m.to_spec()["bodies"] if item["name"] == body)
-    length, load, stiffness = float(np.linalg.norm(top - bottom)), 900.0, 15e3
+    length, load, stiffness = float(norm(top - bottom)), 900.0, 15e3
     m.add_spring(f"strut of {body}", "ground", top, body, bottom - origin, stiffness=stiffness, damping=150.0,
                  length=length + load / stiffness)  # fmt: skip
 

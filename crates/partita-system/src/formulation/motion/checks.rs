@@ -94,6 +94,11 @@ impl Checks {
         }
     }
 
+    /// The strongest acceleration up to the end of the step that is judged [1/s²].
+    pub(super) fn strongest(&self) -> f64 {
+        self.trial_sizes.1
+    }
+
     /// The step that was examined is accepted.
     pub(super) fn accept(&mut self) {
         self.sizes = self.trial_sizes;

@@ -157,6 +157,11 @@ impl CrossingMonitor {
         self.fastest.0
     }
 
+    /// End of the step that was judged.
+    pub(super) fn time(&self) -> f64 {
+        self.step_end.t()
+    }
+
     /// Length of the step that was judged; none before the first.
     pub(super) fn length(&self) -> Option<f64> {
         let (from, to) = (&self.step_start, &self.step_end);

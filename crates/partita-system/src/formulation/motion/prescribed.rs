@@ -190,10 +190,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> PrescribedRows for Motion<'s, S, T, P> {
     fn prescribed_gap(&self, level: PrescribedLevel, (relative, absolute): (f64, f64)) -> Option<PrescribedGap> {
         let (r, index) = (self.tangent.seen(), level as usize);
-        // relative to a row's size: the absolute part, and the round-off of rates that nearly cancel
+        // relative to a row's size: the absolute part, the round-off of rates that nearly cancel, and that of times
+        let time = tolerance::WORST_TIME * f64::EPSILON * self.monitor.time().abs();
         let rounding = match level {
-            PrescribedLevel::Position => 0.0,
-            PrescribedLevel::Rate => tolerance::SOLUTION_ROUNDING * self.watch.fastest_yet(),
+            PrescribedLevel::Position => time * self.watch.fastest_yet(),
+            PrescribedLevel::Rate => {
+                tolerance::SOLUTION_ROUNDING * self.watch.fastest_yet() + time * self.checks.strongest()
+            }
         };
         let part = |x: &Row| {
             let allowed = relative * x.trial_size[index] + (absolute + rounding) * r.row_size(x.row);
