@@ -166,6 +166,7 @@ impl Account {
             (intern!(py, "factorisations"), f.factorisations),
             (intern!(py, "plans"), f.plans),
             (intern!(py, "switches"), f.switches),
+            (intern!(py, "unlisted_switches"), f.unlisted_switches),
             (intern!(py, "corrections"), f.corrections),
             (intern!(py, "renewals"), f.renewals),
             (intern!(py, "newton_iterations"), f.newton_iterations),

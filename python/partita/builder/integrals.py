@@ -26,6 +26,8 @@ _RULES = tuple((0.5 * (1.0 + x), 0.5 * w) for x, w in map(np.polynomial.legendre
 """Nodes and weights on (0, 1) of Gauss's rules of twelve and of eight nodes."""
 _KEPT = 32
 """Panels whose cells are kept: more than a step spans."""
+_BLOCK, _BLOCKS = 256, 8
+"""Panels of a block, and blocks whose panels are kept one by one: of a long run one number for half a minute."""
 _LAST = 2
 """Coefficients of the polynomial through the nodes that must vanish where parts of a cell are to be exact, too."""
 
@@ -49,7 +51,8 @@ class Integral:
 
     def __init__(self, acceleration: Motion | _Steady, rate: float) -> None:
         self.acceleration, self.rate = acceleration, rate
-        self._ahead, self._behind = [0.0], [0.0]
+        self._marks = {_PANEL: [0.0], -_PANEL: [0.0]}
+        self._blocks: dict[tuple[int, float], list[float]] = {}
         self._panels: dict[tuple[float, float], _Panel] = {}
 
     @property
@@ -62,12 +65,31 @@ class Integral:
         return self
 
     def __call__(self, t: float) -> tuple[float, float, float]:
-        pieces, step = (self._ahead, _PANEL) if t >= 0.0 else (self._behind, -_PANEL)
+        step = _PANEL if t >= 0.0 else -_PANEL
         whole = int(t / step)
-        while len(pieces) <= whole:
-            pieces.append(pieces[-1] + self._panel((len(pieces) - 1) * step, step).whole())
         acceleration, jerk, _ = self.acceleration(t)
-        return self.rate + pieces[whole] + self._panel(whole * step, step).up_to(t), acceleration, jerk
+        integral = self._until(whole, step) + self._panel(whole * step, step).up_to(t)
+        return self.rate + integral, acceleration, jerk
+
+    def _until(self, whole: int, step: float) -> float:
+        """From 0 over whole panels. What is kept are the integrals at every `_BLOCK` panels, and those between them
+        where they were asked for last."""
+        number, within = divmod(whole, _BLOCK)
+        marks = self._marks[step]
+        while len(marks) <= number:
+            marks.append(self._block(len(marks) - 1, step, _BLOCK)[_BLOCK])
+        return self._block(number, step, within)[within]
+
+    def _block(self, number: int, step: float, within: int) -> list[float]:
+        found = self._blocks.get((number, step))
+        if found is None:
+            if len(self._blocks) >= _BLOCKS:
+                self._blocks.clear()
+            found = self._blocks[number, step] = [self._marks[step][number]]
+        while len(found) <= within:
+            begin = (number * _BLOCK + len(found) - 1) * step
+            found.append(found[-1] + self._panel(begin, step).whole())
+        return found
 
     def _panel(self, begin: float, step: float) -> _Panel:
         found = self._panels.get((begin, step))

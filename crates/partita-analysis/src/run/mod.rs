@@ -61,8 +61,8 @@ fn note_of_crossings(outcome: &Outcome) -> String {
         "{} singular positions of the mechanism were crossed (t = {}); near them the loops were closed in every \
          evaluation, and {} steps were accepted although their error estimate, which was round-off, exceeded the \
          tolerance",
-        outcome.crossings.len(),
-        some(&outcome.crossings, |t| format!("{t:.4}")),
+        outcome.crossings.count(),
+        some(&outcome.crossings.times, |t| format!("{t:.4}")),
         outcome.counters.lenient
     )
 }
@@ -164,7 +164,7 @@ fn integrated<S: Balance<Scratch: Send>>(
     notes.extend(corrected);
     let reported = f.history();
     notes.extend(reported.notes);
-    if !outcome.crossings.is_empty() {
+    if outcome.crossings.count() > 0 {
         notes.push(note_of_crossings(&outcome));
     }
     let (rows, counters, events, closure_error, gaps) =

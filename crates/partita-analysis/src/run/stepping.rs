@@ -12,7 +12,7 @@ use partita_integrate::simulate::{explain, Outcome, Status};
 use partita_model::Model;
 use partita_system::formulation::Formulation;
 use partita_system::positions::turns;
-use partita_system::record::{Gaps, Output, StepChecks};
+use partita_system::record::{Crossings, Gaps, Output, StepChecks};
 use partita_system::{SystemError, SystemRef};
 use std::ops::ControlFlow;
 
@@ -177,6 +177,7 @@ impl<'s> Stepping<'s> {
                 if let Some(kept) = &mut self.kept {
                     kept.clear();
                     kept.push(self.now.clone());
+                    self.formulation.keep_choice();
                 }
                 Ok(())
             }
@@ -233,6 +234,7 @@ impl<'s> Stepping<'s> {
                     self.checks.raise(&self.formulation.checks());
                     if let Some(kept) = &mut self.kept {
                         kept.push(self.now.clone());
+                        self.formulation.keep_choice();
                     }
                     return Ok(());
                 }
@@ -298,7 +300,7 @@ impl<'s> Stepping<'s> {
             message: format!("stepped to t = {}", self.now.t),
             t: self.now.t,
             counters: Counters { steps: self.steps, ..Counters::default() },
-            crossings: Vec::new(),
+            crossings: Crossings::default(),
             error: None,
         };
         let mut notes = self.notes.clone();

@@ -5,7 +5,7 @@ pub mod registry;
 
 use crate::breakpoints::Passing;
 use crate::guards::Look;
-use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
+use crate::record::{Crossings, Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 
 use crate::error::{Result, SystemError};
 pub use crate::record::Verdict;
@@ -83,8 +83,10 @@ pub trait FormulationSteps {
     }
     /// The record so far.
     fn history(&self) -> History;
-    /// Times of singular positions that were crossed.
-    fn crossings(&self) -> Vec<f64> {
+    /// An output that is kept uses the present choice: the record lists it.
+    fn keep_choice(&mut self) {}
+    /// Singular positions that were crossed.
+    fn crossings(&self) -> Crossings {
         self.history().crossings
     }
     /// Constraint violations at the ends of steps since the start; allocates nothing.
@@ -251,7 +253,10 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     fn history(&self) -> History {
         (**self).history()
     }
-    fn crossings(&self) -> Vec<f64> {
+    fn keep_choice(&mut self) {
+        (**self).keep_choice();
+    }
+    fn crossings(&self) -> Crossings {
         (**self).crossings()
     }
     fn gaps(&self) -> Gaps {
