@@ -540,3 +540,57 @@ def test_a_law_that_reads_a_joint_by_sensors_is_the_spring_and_damper(coordinate
     runs = [drawn(by).simulate(0.5, coordinates=coordinates, rtol=1e-10, t_eval=[0.0, 0.5]) for by in (True, False)]
     for name in "AB":
         np.testing.assert_allclose(*(run.joint(name).position for run in runs), atol=1e-8)
+
+
+def _loop(spatial: bool) -> pt.Mechanism:
+    """A crank that turns, by hinges in the plane or by a ball and a universal joint in space."""
+    if not spatial:
+        return four_bar_with(1.3)
+    m = pt.Mechanism("rod in space")
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0), axis=(0.0, 0.6, 0.8))
+    m.add_torque("A", 1.3, name="torque")
+    return m
+
+
+def four_bar_with(torque: float) -> pt.Mechanism:
+    m = pt.Mechanism("four-bar", gravity=(0, -9.81, 0))
+    points = [(0, 0, 0), (0.1, 0.2, 0), (0.7, 0.6, 0), (0.9, 0, 0)]
+    bars = [m.add_rod(f"bar {i}", start=points[i], end=points[i + 1], mass=1.0) for i in range(3)]
+    m.add_revolute("A", m.ground, bars[0], point=points[0])
+    m.add_revolute("B", bars[0], bars[1], point=points[1])
+    m.add_revolute("C", bars[1], bars[2], point=points[2])
+    m.add_revolute("D", m.ground, bars[2], point=points[3])
+    m.add_torque("A", torque, name="torque")
+    m.add_torque("D", -0.2, name="closing")
+    return m
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+def test_a_constant_torque_has_one_energy_in_all_coordinates(spatial: bool) -> None:
+    """-M angle, through whole turns as well, of joints that close loops and in absolute coordinates; its work is none of
+    the run's then."""
+    m = _loop(spatial)
+    for name in m.forces:
+        m.add_sensor(f"energy of {name}", m.forces[name], "energy")
+        m.add_sensor(f"power of {name}", m.forces[name], "power")
+    found = []
+    for coordinates in ("relative", "absolute"):
+        start = m.assemble(rates={"A": 9.0}, coordinates=coordinates)
+        run = m.simulate(1.5, initial=start, t_eval=np.linspace(0.0, 1.5, 31), coordinates=coordinates)
+        assert run.success
+        angle = np.asarray(run.joint("A").angle).ravel()
+        assert np.ptp(angle) > 7.0  # more than a turn
+        right = -1.3 * angle
+        energy = np.asarray(run.sensor("energy of torque").values).ravel()
+        assert energy == pytest.approx(right, abs=1e-9)
+        assert np.asarray(run.sensor("power of torque").values).ravel() == pytest.approx(
+            1.3 * np.asarray(run.joint("A").velocity).ravel(), abs=1e-9
+        )
+        assert run.energy.relative_balance < 1e-7 and run.energy.work == pytest.approx(np.zeros(31), abs=1e-5)
+        found.append((energy, run.energy.potential, run.energy.work))
+    for one, other in zip(*found, strict=True):
+        assert one == pytest.approx(other, abs=1e-5)
+    if not spatial:
+        closing = np.asarray(run.sensor("energy of closing").values).ravel()
+        assert closing == pytest.approx(0.2 * np.asarray(run.joint("D").angle).ravel(), abs=1e-9)

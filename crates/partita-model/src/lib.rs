@@ -7,6 +7,7 @@ pub mod clusters;
 mod coincident;
 pub mod compile;
 mod compiled_rates;
+mod corners;
 pub mod coupling;
 pub mod dynamics;
 pub mod error;
