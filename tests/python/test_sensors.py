@@ -568,8 +568,8 @@ def four_bar_with(torque: float) -> pt.Mechanism:
 
 @pytest.mark.parametrize("spatial", [False, True])
 def test_a_constant_torque_has_one_energy_in_all_coordinates(spatial: bool) -> None:
-    """-M angle, through whole turns as well, of joints that close loops and in absolute coordinates; its work is none of
-    the run's then."""
+    """-M angle, through whole turns as well, of joints that close loops and in absolute coordinates; the run counts no
+    work of it then."""
     m = _loop(spatial)
     for name in m.forces:
         m.add_sensor(f"energy of {name}", m.forces[name], "energy")

@@ -590,19 +590,6 @@ def test_machine_code_makes_the_same_steps(drawn: Any, level: str, coordinates: 
             sim.reset(start)
 
 
-def five_bar() -> pt.Mechanism:
-    m = pt.Mechanism("five-bar")
-    points = [(0, 0, 0), (-0.2, 0.4, 0), (0.25, 0.8, 0), (0.7, 0.4, 0), (0.5, 0, 0)]
-    bars = [m.add_rod(f"bar {i}", start=points[i], end=points[i + 1], mass=1.0) for i in range(4)]
-    m.add_revolute("A", m.ground, bars[0], point=points[0])
-    for i, name in enumerate("BCD"):
-        m.add_revolute(name, bars[i], bars[i + 1], point=points[i + 1])
-    m.add_revolute("E", m.ground, bars[3], point=points[4])
-    m.add_torque("A", 0.0, name="left")
-    m.add_torque("E", 0.0, name="right")
-    return m
-
-
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 def test_a_stepper_that_is_reset_repeats_every_bit(coordinates: str) -> None:
     """As one that is made there: neither choices of coordinates nor their scales of the motion before remain."""

@@ -124,7 +124,7 @@ pub fn linearize(
     driven: &[Driven],
 ) -> Result<Linearized, AnalysisError> {
     let system = SystemRef::from(model);
-    if let Some(corner) = model.corners(t, q, v)?.into_iter().next() {
+    if let Some(corner) = model.one_sided(t, q, v)?.into_iter().next() {
         let message = format!(
             "the equations have no derivative at t = {t} s: {corner}; linearise beside it, where it slides or acts or \
              does not, or remove it"

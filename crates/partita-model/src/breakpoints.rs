@@ -74,7 +74,7 @@ impl Curves {
 
 impl Curves {
     /// Those of measurements that are read where they have a corner, in sentences.
-    pub fn corners(
+    pub fn one_sided(
         &self,
         model: &Evaluator<f64>,
         t: f64,

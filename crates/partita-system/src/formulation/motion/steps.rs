@@ -189,9 +189,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         self.conclude(verdict, step)
     }
-    fn keep_choice(&mut self) {
-        self.tangent.base_mut().keep_choice();
-    }
     fn crossings(&self) -> Crossings {
         self.monitor.crossing.times.clone()
     }

@@ -19,7 +19,7 @@ impl Model {
     ///
     /// # Errors
     /// Where the position cannot be evaluated.
-    pub fn corners(&self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<String>, SystemError> {
+    pub fn one_sided(&self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<String>, SystemError> {
         let (size, nnz) = (self.size(), self.pattern().nnz());
         let mut s = self.scratch();
         let (mut phi, mut c) = (vec![0.0; size.holonomic], vec![0.0; nnz]);
@@ -32,14 +32,20 @@ impl Model {
                 names[e] = force.name();
             }
         }
-        let mut found = self.element_corners(t, (q, v), &mut s, &names);
-        found.extend(self.curves().corners(self, t, (q, v), &mut s));
+        let mut found = self.one_sided_elements(t, (q, v), &mut s, &names);
+        found.extend(self.curves().one_sided(self, t, (q, v), &mut s));
         Ok(found)
     }
 }
 
 impl Evaluator<f64> {
-    fn element_corners(&self, t: f64, (q, v): (&[f64], &[f64]), s: &mut Scratch<f64>, names: &[&str]) -> Vec<String> {
+    fn one_sided_elements(
+        &self,
+        t: f64,
+        (q, v): (&[f64], &[f64]),
+        s: &mut Scratch<f64>,
+        names: &[&str],
+    ) -> Vec<String> {
         let instant = self.instant(t, q, v);
         with_engine!(self, s, |mechanics, s| {
             let at = mechanics.at(s, instant);
