@@ -10,8 +10,8 @@ use partita_math::tolerance;
 use partita_system::system::Levels;
 use partita_system::SystemError;
 
-/// Compressions with this power of the depth have a slope that jumps at the first touch. With a higher one it begins at
-/// zero.
+/// Compressions with this power of the depth have a slope that jumps at the first touch. Scale: power. Reason: with a
+/// higher one it begins at zero.
 const LINEAR: f64 = 1.0;
 
 impl Model {

@@ -161,6 +161,7 @@ impl Account {
             (intern!(py, "rejected"), c.rejected),
             (intern!(py, "retries"), c.retries),
             (intern!(py, "lenient"), c.lenient),
+            (intern!(py, "by_rounding"), c.by_rounding),
             (intern!(py, "evaluations"), c.evaluations),
             (intern!(py, "dense_evaluations"), c.dense_evaluations),
             (intern!(py, "factorisations"), f.factorisations),

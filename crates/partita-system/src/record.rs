@@ -107,7 +107,8 @@ pub struct Crossings {
 }
 
 impl Crossings {
-    /// As many as one step may cross stay at the end: a run that ends before them does not count them.
+    /// Latest ones that stay listed. Unit: number. Reason: more than one step may cross; a run that ends before them does
+    /// not count them.
     const LATEST: usize = 64;
 
     /// One more.
