@@ -243,7 +243,7 @@ def add_imu(self: Drawing, name: str, of: Any, *, axes: Any = None) -> Imu:
     >>> run = m.simulate(1.0, t_eval=[0.0, 1.0])      # it stands upright; the arm's x points up
     >>> run.sensor("imu specific force").values[0].round(9).tolist()
     [9.81, 0.0, 0.0]
-    >>> run.sensor(imu.angular_velocity).unit
+    >>> run.sensor(imu.angular_velocity.name).unit
     'rad/s'
     """
     element = name_of("sensor", name, self._description.sensors)
