@@ -414,9 +414,8 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             }
             self.counters.rejected += 1;
             if self.rounding.suspected(self.t_old, h, error) {
-                // the same step once more, judged by what is measured
+                // the next attempt is judged by what is measured
                 self.measure_rounding(ode);
-                continue;
             }
             self.step = h.abs() * self.controller.rejected(error);
             if let Some(memory) = &mut self.memory {

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import EvaluationError, PartitaError
 from ..state import Layout
 from .checks import Element, takes
-from .pieces import Pieces
+from .pieces import Pieces, Refusals
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import Cubics, finite, one_number
@@ -53,6 +53,7 @@ class Motion:
     def __init__(self, element: Element, position: TimeFunction, velocity: Any, acceleration: Any) -> None:
         self.element, self.notes = element, list[str]()
         self._pieces: Pieces | None = None
+        self._refusals: Refusals | None = None
         self.position, self.velocity, self.acceleration = position, velocity, acceleration
         for function in (position, velocity, acceleration):
             if function is not None:
@@ -94,12 +95,12 @@ class Motion:
     def __getstate__(self) -> dict[str, Any]:
         for what in ("position", "velocity", "acceleration"):
             check_picklable(self.element, f"function of the {what}", getattr(self, what))
-        return {**self.__dict__, "_pieces": None}
+        return {**self.__dict__, "_pieces": None, "_refusals": None}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Motion:
         """With the same functions, which were tried before: Python copies functions as themselves."""
         twin = Motion.__new__(Motion)
-        twin.__dict__.update(self.__dict__, notes=list(self.notes), _pieces=None)
+        twin.__dict__.update(self.__dict__, notes=list(self.notes), _pieces=None, _refusals=None)
         return twin
 
     def __call__(self, t: float) -> tuple[float, float, float]:
@@ -176,11 +177,14 @@ class Motion:
 
     def _derive(self, function: TimeFunction, t: float) -> tuple[float, float, float]:
         """f, f', f'' at t. The method is selected at each time independently of earlier calls."""
-        try:
-            jet = _as_jet(function(Jet(t, 1.0, 0.0)))
-            return jet.x, jet.d1, jet.d2
-        except Exception:  # whatever a user's function raises for a type of number that it does not know
-            result = self._of_values(function, t)
+        if self._refusals is None:
+            self._refusals = Refusals(lambda s: _exactly(function, s), lambda s: self._plain(function, s))
+        if not self._refusals.at(t):
+            try:
+                return _exactly(function, t)
+            except Exception:  # whatever a user's function raises for a type of number that it does not know
+                pass
+        result = self._of_values(function, t)
         if not self.notes:
             self._warn(result[3], t)
         return result[:3]
@@ -226,6 +230,12 @@ class Motion:
             f"differences of high order of its values, good to about {error:.0e} in the second derivative at "
             f"t = {t:g} s; use NumPy functions (np.sin instead of math.sin), or give velocity= and acceleration="
         )
+
+
+def _exactly(function: TimeFunction, t: float) -> tuple[float, float, float]:
+    """f, f', f'' of a function that takes a `Jet`."""
+    jet = _as_jet(function(Jet(t, 1.0, 0.0)))
+    return jet.x, jet.d1, jet.d2
 
 
 def _as_jet(value: Any) -> Jet:

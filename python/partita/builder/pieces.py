@@ -9,7 +9,7 @@ fixed intervals, or end where the function breaks.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,8 @@ _DIGITS = 1e6
 """Nor those in which so few different times lie."""
 _CHAIN = 16
 """Halvings in search of a break until a smooth piece beyond it must have begun."""
+_PARTS = 32
+"""Parts of a first interval: an eighth of a second at first."""
 _KEPT = 4096
 """Pieces that are kept; beyond, all are found anew when they are asked for."""
 
@@ -372,6 +374,37 @@ def _crossing(left: Piece, right: Piece, near: float, within: tuple[float, float
         else:
             return t
     return near
+
+
+class Refusals:
+    """Where a function refuses exact derivatives, so that they are not asked for in vain at every time: in parts of the
+    first intervals, by the middle of each. Like pieces, these depend on the function alone."""
+
+    def __init__(self, exactly: Callable[[float], Any], plainly: Callable[[float], Any]) -> None:
+        self._exactly, self._plainly = exactly, plainly
+        self._known: dict[tuple[float, int], bool] = {}
+
+    def at(self, t: float) -> bool:
+        """Whether the function has a value in the middle of the part around t, but no exact derivatives."""
+        begin, end = first_interval(t)
+        width = (end - begin) / _PARTS
+        key = begin, int((t - begin) / width)
+        if key not in self._known:
+            if len(self._known) > _KEPT:
+                self._known.clear()
+            self._known[key] = self._found(begin + (key[1] + 0.5) * width)
+        return self._known[key]
+
+    def _found(self, middle: float) -> bool:
+        try:
+            self._exactly(middle)
+        except Exception:  # whatever a user's function raises for a type of number that it does not know
+            try:
+                self._plainly(middle)
+            except Exception:  # or outside the times for which it was written
+                return False
+            return True
+        return False
 
 
 def first_interval(t: float) -> tuple[float, float]:

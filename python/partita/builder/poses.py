@@ -15,7 +15,7 @@ from ..state import Layout
 from .checks import Array, Element, shape_of, takes, vector
 from .frames import ORTHONORMAL, is_rotation, rotation, transform
 from .motion import RoughError, differences
-from .pieces import Pieces
+from .pieces import Pieces, Refusals
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import BY_DEFAULT, Constant, Cubics, Curve, Function, Table, finite, one_number, table
@@ -228,17 +228,22 @@ class Pose:
         self.notes: list[str] = []
         self._last: tuple[float, tuple[list[tuple[float, float, float]], list[float]]] | None = None
         self._pieces: Pieces | None = None
+        self._refusals = Refusals(self._exactly, self._plain)
         takes(element, "its function", function, "one argument, t", 1)
         self.at(0.0)
 
     def __getstate__(self) -> dict[str, Any]:
         check_picklable(self.element, "function of the pose", self.function)
-        return {**self.__dict__, "_last": None, "_pieces": None}
+        return {**self.__dict__, "_last": None, "_pieces": None, "_refusals": None}
+
+    def __setstate__(self, stored: dict[str, Any]) -> None:
+        self.__dict__.update(stored, _refusals=Refusals(self._exactly, self._plain))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Pose:
         """With the same function, which was tested before: Python copies functions as themselves."""
         twin = Pose.__new__(Pose)
         twin.__dict__.update(self.__dict__, notes=list(self.notes), _last=None, _pieces=None)
+        twin._refusals = Refusals(twin._exactly, twin._plain)
         memo[id(self)] = twin
         return twin
 
@@ -258,11 +263,15 @@ class Pose:
         return last[1]
 
     def _found(self, t: float) -> tuple[list[tuple[float, float, float]], list[float]]:
-        try:
-            found = self._exactly(t)
-        except _NoPoseError:
-            raise
-        except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
+        found = None
+        if not self._refusals.at(t):
+            try:
+                found = self._exactly(t)
+            except _NoPoseError:
+                raise
+            except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
+                pass
+        if found is None:
             found = self._nearly(t)
         slides, (matrix, spin, growth) = found
         if self.drawn is not None:
