@@ -209,6 +209,7 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         ("add_sensor", "tip", {"of": ("c", ("1 m", 0, 0)), "reads": "velocity", "axes": "b"}),
         {"of": ("c", (0, "300 mm", 0)), "reads": "acceleration", "axes": "d", "text": "of the tip", "unit": "g"},
     ),
+    (("add_sensor", "felt", {"of": ("c", (1, 0, 0)), "reads": "specific_force"}), {"axes": "world"}),
     (("add_sensor", "at rest", {"of": "ground", "reads": "rotation"}), {"of": "b"}),
     (("add_sensor", "slid", {"of": "C", "reads": "position", "coordinate": 1}), {"coordinate": 0, "reads": "drive"}),
     (("add_sensor", "borne", {"of": "S", "reads": "force", "axes": "joint"}), {"axes": "world", "reads": "moment"}),
@@ -262,7 +263,8 @@ def tables(m: pt.Mechanism) -> list[Any]:
 
 def test_every_method_is_among_the_calls() -> None:
     methods = {name for name in dir(pt.Mechanism) if name.startswith("add_")}
-    assert methods - {call[0] for call, _ in CALLS} == {"add_compliance"}
+    # a compliance is no element, and an IMU is two sensors
+    assert methods - {call[0] for call, _ in CALLS} == {"add_compliance", "add_imu"}
 
 
 @pytest.fixture(scope="module")

@@ -330,6 +330,7 @@ def built() -> dict[str, Callable[[], Call]]:
             "unit": "g",
             "text": "of the box",
         },
+        "add_imu": {"name": "imu", "of": ("box", X), "axes": "rod"},
     }
 
     specs: set[tuple[str, str]] = set()

@@ -2,6 +2,7 @@
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -464,3 +465,72 @@ def test_loads_that_change_with_time_are_not_steady(coordinates, t0):
     m.add_torque("A", lambda t, s: np.sin(t - t0))
     lin = m.linearize(m.assemble(rates={"A": 2.0}, t=t0, coordinates=coordinates), coordinates=coordinates)
     assert not lin.steady
+
+
+def hanging(extra: Any, drawn: float = 0.0) -> pt.Mechanism:
+    """A rod that hangs, with something in its hinge."""
+    m = pt.Mechanism("pendulum", gravity=(0, -9.81, 0))
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(math.sin(drawn), -math.cos(drawn), 0), mass=1.0)
+    extra(m, rod, m.add_revolute("A", m.ground, rod, point=(0, 0, 0)))
+    return m
+
+
+TWO_SIDED = {
+    "friction that sticks": (lambda m, r, h: m.add_friction(h, 2.0, stick_velocity=1e-3, name="f"), "sticks"),
+    "friction of the bearing": (
+        lambda m, r, h: m.add_friction(h, coefficient=0.1, radius=0.02, stick_velocity=1e-3, name="f"),
+        "sticks",
+    ),
+    "an upper stop": (lambda m, r, h: m.add_stop(h, upper=0.0, stiffness=1e4, name="f"), "nothing on one side"),
+    "a lower stop": (lambda m, r, h: m.add_stop(h, lower=0.0, upper=1.0, stiffness=1e4, name="f"), "nothing on one"),
+    "a rope about to pull": (
+        lambda m, r, h: m.add_rope("f", m.ground, (0.5, -1, 0), r, (1, 0, 0), stiffness=1e4, length=0.5),
+        "nothing on one side",
+    ),
+    "a contact": (
+        lambda m, r, h: m.add_contact(
+            "f", r, (1, 0, 0), m.ground, (-0.1, 0, 0), normal=(1, 0, 0), radius1=0.1, stiffness=1e5, exponent=1.0
+        ),
+        "nothing on one side",
+    ),
+    "a table": (
+        lambda m, r, h: m.add_torque(
+            h, ([-1.0, 0.0, 1.0], [-1.0, 0.0, 5.0]), over=pt.Coordinate(h), interpolation="linear", name="f"
+        ),
+        "slope jumps",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("name", TWO_SIDED)
+def test_what_has_no_derivative_is_refused_by_name(name: str, coordinates: str) -> None:
+    """Coulomb friction at rest is no damper, and a stop at its corner has a stiffness on one side alone."""
+    extra, words = TWO_SIDED[name]
+    m = hanging(extra)
+    with pytest.raises(ArgumentError, match=f'no derivative .*"f" .*{words}') as caught:
+        m.linearize(m.assemble(coordinates=coordinates), coordinates=coordinates)
+    assert caught.value.argument == "at"
+
+
+BESIDE: dict[str, tuple[Any, float, float]] = {
+    # what is added, rate of the hinge, and the right stiffness over the moment of inertia
+    "friction that slides": (lambda m, r, h: m.add_friction(h, 2.0, stick_velocity=1e-6, name="f"), 3.0, 0.0),
+    "a stop that is free": (lambda m, r, h: m.add_stop(h, upper=1e-3, stiffness=1e4, name="f"), 0.0, 0.0),
+    "a stop pressed": (lambda m, r, h: m.add_stop(h, upper=-1e-3, stiffness=1e4, name="f"), 0.0, 3e4),
+    "a soft corner": (lambda m, r, h: m.add_stop(h, upper=0.0, stiffness=1e4, exponent=1.5, name="f"), 0.0, 0.0),
+    "a smooth table": (
+        lambda m, r, h: m.add_torque(h, ([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), over=pt.Coordinate(h), name="f"),
+        0.0, -3.0,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_beside_it_the_derivative_is_the_one_that_holds_there(name: str) -> None:
+    extra, rate, added = BESIDE[name]
+    m = hanging(extra)
+    lin = m.linearize(m.assemble(rates={"A": rate}))
+    assert lin.method == "exact"
+    assert -lin.A[1, 0] == pytest.approx(1.5 * 9.81 + added, rel=1e-12)
+    assert abs(lin.A[1, 1]) < 1e-6

@@ -468,3 +468,28 @@ def test_the_total_energy_of_a_table_is_the_sum() -> None:
     table = run.to_pandas()
     np.testing.assert_array_equal(table["energy.total"], run.energy.kinetic + run.energy.potential)
     assert table["energy.kinetic"].iloc[-1] > 0.0
+
+
+def test_a_long_run_lists_the_first_switches_and_those_in_use_at_outputs() -> None:
+    """The memory of a run is that of its outputs: a pendulum that turns in absolute coordinates switches eight times
+    a second."""
+    m = pt.Mechanism("pendulum", gravity=(0, -9.81, 0))
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    start = m.assemble(rates={"A": 12.0}, coordinates="absolute")
+    t = np.linspace(0.0, 240.0, 9)
+    few, many = (m.simulate(240.0, initial=start, t_eval=times, coordinates="absolute")
+                 for times in (t, np.linspace(0.0, 240.0, 1601)))  # fmt: skip
+    switches = few.counters["switches"]
+    assert switches == many.counters["switches"] > 1500
+    assert len(few.partitions) <= 1002 + len(t)
+    listed = sum(change.is_switch for change in few.partitions)
+    assert few.certificate.switches == many.certificate.switches == listed + few.counters["unlisted_switches"]
+    assert any("are counted, but not listed" in note for note in few.notes)
+    # outputs are described by the choice that was in use, whether few are asked for or many
+    assert np.array_equal(few.independent, many.independent[::200])
+    assert np.allclose(few.vdot, many.vdot[::200], rtol=1e-12) and np.allclose(few.sigma, many.sigma[::200], rtol=1e-12)
+    in_use = [[p for p in few.partitions if p.t <= time][-1].independent for time in t[1:]]
+    names = few.names.velocities
+    assert in_use == [tuple(names[i] for i in row) for row in few.independent[1:]]
+    assert pickle.loads(pickle.dumps(few)).certificate.switches == few.certificate.switches

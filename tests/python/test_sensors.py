@@ -540,3 +540,157 @@ def test_a_law_that_reads_a_joint_by_sensors_is_the_spring_and_damper(coordinate
     runs = [drawn(by).simulate(0.5, coordinates=coordinates, rtol=1e-10, t_eval=[0.0, 0.5]) for by in (True, False)]
     for name in "AB":
         np.testing.assert_allclose(*(run.joint(name).position for run in runs), atol=1e-8)
+
+
+def _loop(spatial: bool) -> pt.Mechanism:
+    """A crank that turns, by hinges in the plane or by a ball and a universal joint in space."""
+    if not spatial:
+        return four_bar_with(1.3)
+    m = pt.Mechanism("rod in space")
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0), axis=(0.0, 0.6, 0.8))
+    m.add_torque("A", 1.3, name="torque")
+    return m
+
+
+def four_bar_with(torque: float) -> pt.Mechanism:
+    m = pt.Mechanism("four-bar", gravity=(0, -9.81, 0))
+    points = [(0, 0, 0), (0.1, 0.2, 0), (0.7, 0.6, 0), (0.9, 0, 0)]
+    bars = [m.add_rod(f"bar {i}", start=points[i], end=points[i + 1], mass=1.0) for i in range(3)]
+    m.add_revolute("A", m.ground, bars[0], point=points[0])
+    m.add_revolute("B", bars[0], bars[1], point=points[1])
+    m.add_revolute("C", bars[1], bars[2], point=points[2])
+    m.add_revolute("D", m.ground, bars[2], point=points[3])
+    m.add_torque("A", torque, name="torque")
+    m.add_torque("D", -0.2, name="closing")
+    return m
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+def test_a_constant_torque_has_one_energy_in_all_coordinates(spatial: bool) -> None:
+    """-M angle, through whole turns as well, of joints that close loops and in absolute coordinates; the run counts no
+    work of it then."""
+    m = _loop(spatial)
+    for name in m.forces:
+        m.add_sensor(f"energy of {name}", m.forces[name], "energy")
+        m.add_sensor(f"power of {name}", m.forces[name], "power")
+    found = []
+    for coordinates in ("relative", "absolute"):
+        start = m.assemble(rates={"A": 9.0}, coordinates=coordinates)
+        run = m.simulate(1.5, initial=start, t_eval=np.linspace(0.0, 1.5, 31), coordinates=coordinates)
+        assert run.success
+        angle = np.asarray(run.joint("A").angle).ravel()
+        assert np.ptp(angle) > 7.0  # more than a turn
+        right = -1.3 * angle
+        energy = np.asarray(run.sensor("energy of torque").values).ravel()
+        assert energy == pytest.approx(right, abs=1e-9)
+        assert np.asarray(run.sensor("power of torque").values).ravel() == pytest.approx(
+            1.3 * np.asarray(run.joint("A").velocity).ravel(), abs=1e-9
+        )
+        assert run.energy.relative_balance < 1e-7 and run.energy.work == pytest.approx(np.zeros(31), abs=1e-5)
+        found.append((energy, run.energy.potential, run.energy.work))
+    for one, other in zip(*found, strict=True):
+        assert one == pytest.approx(other, abs=1e-5)
+    if not spatial:
+        closing = np.asarray(run.sensor("energy of closing").values).ravel()
+        assert closing == pytest.approx(0.2 * np.asarray(run.joint("D").angle).ravel(), abs=1e-9)
+
+
+def felt(run: pt.Result, name: str = "imu") -> tuple[Any, Any]:
+    return run.sensor(f"{name} specific force").values, run.sensor(f"{name} angular velocity").values
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("gravity", ["constant", "function", "table"])
+def test_an_accelerometer_at_rest_shows_gravity_upwards_and_in_free_fall_nothing(
+    coordinates: str, gravity: str
+) -> None:
+    tilted = [[0.0, 0.6, 0.8], [1.0, 0.0, 0.0], [0.0, 0.8, -0.6]]  # axes of the body as columns
+    given: Any = {
+        "constant": (0, 0, -9.81),
+        "function": lambda t, state: (0.0, 0.0, -9.81),
+        "table": (0.0, 0.0, ([0.0, 5.0], [-9.81, -9.81])),
+    }[gravity]
+    m = pt.Mechanism("at rest", gravity=given)
+    fixed = m.add_body("fixed", mass=2.0, inertia=(1, 1, 1), orientation=tilted)
+    m.add_fixed("F", m.ground, fixed)
+    free = m.add_body("free", mass=3.0, inertia=(2, 3, 4), position=(1, 0, 5), orientation=tilted)
+    m.add_free("free joint", m.ground, free)
+    m.add_imu("imu", (fixed, (0.3, -0.2, 0.1)))
+    m.add_imu("on the ground", (m.ground, (3, 2, 1)))
+    m.add_imu("falling", free)
+    m.add_sensor("in the world", (fixed, (0.3, 0, 0)), "specific_force", axes="world")
+    run = m.simulate(0.5, t_eval=[0.0, 0.2, 0.5], coordinates=coordinates)
+    up = np.array(tilted).T @ (0.0, 0.0, 9.81)
+    force, spin = felt(run)
+    assert np.allclose(force, up, atol=1e-10) and np.allclose(spin, 0.0, atol=1e-12)
+    assert np.allclose(felt(run, "on the ground")[0], (0, 0, 9.81), atol=1e-10)
+    assert np.allclose(run.sensor("in the world").values, (0, 0, 9.81), atol=1e-10)
+    assert np.allclose(felt(run, "falling")[0], 0.0, atol=1e-10)
+    assert run.sensor("imu specific force").unit == "m/s^2" and run.sensor("imu angular velocity").unit == "rad/s"
+    assert run.sensor("imu specific force").text.endswith("of fixed, fixed axes")
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_an_accelerometer_on_a_spinning_arm_feels_what_bends_its_path(coordinates: str) -> None:
+    """Turned by a motor at a rate that grows, about a vertical axis: inwards rate^2 r, forwards r times its growth, and
+    gravity upwards; beside a body that tumbles freely, whose mass centre feels nothing and other points do."""
+    m = pt.Mechanism("arm", gravity=(0, 0, -9.81))
+    arm = m.add_rod("arm", start=(0, 0, 0), end=(0.6, 0.8, 0), mass=1.0)
+    hinge = m.add_revolute("A", m.ground, arm, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_drive(hinge, acceleration=3.0, rate=2.0)
+    body = m.add_body("tumbling", mass=3.0, inertia=(2, 3, 4), position=(5, 0, 5))
+    m.add_free("pose", m.ground, body)
+    imu = m.add_imu("imu", (arm, (0.7, 0, 0)))
+    m.add_imu("centre", body)
+    m.add_imu("aside", (body, (0.1, 0, 0)))
+    m.add_sensor("growth", body, "angular_acceleration", axes=body)
+    start = m.assemble(rates={"pose": [0, 0, 0, 0.3, 1.0, -0.5], "A": 2.0})
+    run = m.simulate(1.0, initial=start, t_eval=np.linspace(0.0, 1.0, 5), coordinates=coordinates)
+    rate = 2.0 + 3.0 * run.t
+    force, spin = felt(run)
+    right = np.column_stack([-(rate**2) * 0.7, 0.7 * 3.0 + 0 * rate, 9.81 + 0 * rate])
+    assert np.allclose(force, right, atol=1e-8)
+    assert np.allclose(spin, np.column_stack([0 * rate, 0 * rate, rate]), atol=1e-8)
+    assert np.array_equal(run.sensor(imu.specific_force).values, force)
+    assert np.allclose(felt(run, "centre")[0], 0.0, atol=1e-8)
+    aside, w = felt(run, "aside")
+    arm_of = np.array([0.1, 0.0, 0.0])
+    bent = np.cross(run.sensor("growth").values, arm_of) + np.cross(w, np.cross(w, arm_of))
+    assert np.allclose(aside, bent, atol=1e-8) and np.abs(aside).max() > 0.01
+
+
+def test_gravity_that_varies_is_taken_as_it_is_then() -> None:
+    m = pt.Mechanism("lift", gravity=(0, 0, ([0.0, 1.0], [-9.81, -1.62])))
+    cabin = m.add_body("cabin", mass=5.0, inertia=(1, 1, 1))
+    m.add_fixed("floor", m.ground, cabin)
+    m.add_free("flying", m.ground, m.add_body("load", mass=2.0, inertia=(1, 1, 1), gravity=False))
+    m.add_sensor("felt", cabin, "specific_force")
+    run = m.simulate(1.0, t_eval=[0.0, 1.0])
+    assert np.allclose(run.sensor("felt").values[:, 2], (9.81, 1.62), atol=1e-9)
+
+
+def test_an_imu_is_refused_whole_and_read_from_files_and_steppers(tmp_path: Path) -> None:
+    m = pendulum()
+    (rod,) = m.bodies.values()
+    m.add_sensor("b angular velocity", rod, "angular_velocity")
+    for name, of, words in (
+        ("b", rod, "b angular velocity"),
+        ("c", next(iter(m.joints)), "an IMU is mounted at a point"),
+    ):
+        with pytest.raises(DescriptionError, match=words):
+            m.add_imu(name, of)
+    assert list(m.sensors) == ["b angular velocity"]
+    m.add_imu("imu", (rod, ("1 m", 0, 0)))
+    m.add_sensor("in the world", rod, "specific_force", axes="world")
+    m.save(tmp_path / "imu.toml")
+    again = pt.load(tmp_path / "imu.toml")
+    assert {name: s.data for name, s in again._description.sensors.items()} == {
+        name: s.data for name, s in m._description.sensors.items()
+    }
+    sim, run = again.stepper(1e-3), m.simulate(1e-3, t_eval=[0.0, 1e-3])
+    for name in m.sensors:
+        assert np.allclose(sim.sensor(name), run.sensor(name).values[0], atol=1e-9)
+    m.add_torque(next(iter(m.joints)), lambda t, state: state.sensor("imu specific force")[0], name="wrong")
+    with pytest.raises(ArgumentError, match="reads an acceleration"):
+        m.simulate(0.1)

@@ -588,3 +588,26 @@ def test_machine_code_makes_the_same_steps(drawn: Any, level: str, coordinates: 
         assert used[False] == 0 and used[True] > 700
         for sim in steppers.values():
             sim.reset(start)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_stepper_that_is_reset_repeats_every_bit(coordinates: str) -> None:
+    """As one that is made there: neither choices of coordinates nor their scales of the motion before remain."""
+    m = five_bar()
+
+    def go(sim: Any, steps: int) -> Any:
+        for _ in range(steps):
+            a, e = sim.joint("A"), sim.joint("E")
+            sim.step([400 * (0.2 - a.position) - 40 * a.velocity, 400 * (-0.1 - e.position) - 40 * e.velocity])
+        return sim.q.copy()
+
+    sim = m.stepper(1e-3, coordinates=coordinates)
+    once = go(sim, 150)
+    later = sim.state
+    go(sim, 40)
+    sim.reset()
+    assert np.array_equal(go(sim, 150), once)
+    assert sim.result().counters["steps"] == 150 and len(sim.result().t) == 151
+    sim.reset(later)  # at another time, and elsewhere
+    fresh = m.stepper(1e-3, coordinates=coordinates, initial=later)
+    assert np.array_equal(go(sim, 60), go(fresh, 60))

@@ -124,6 +124,13 @@ pub fn linearize(
     driven: &[Driven],
 ) -> Result<Linearized, AnalysisError> {
     let system = SystemRef::from(model);
+    if let Some(corner) = model.one_sided(t, q, v)?.into_iter().next() {
+        let message = format!(
+            "the equations have no derivative at t = {t} s: {corner}; linearise beside it, where it slides or acts or \
+             does not, or remove it"
+        );
+        return Err(AnalysisError::Argument { argument: "at", message });
+    }
     let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
     let found = solved.first_order(efforts, driven)?;
     let still = system.travel(v) == 0.0;

@@ -13,6 +13,8 @@ pub struct Counters {
     pub not_finite: u64,
     /// Steps taken with an error above the tolerance, where the caller allowed it.
     pub lenient: u64,
+    /// Steps whose estimate of the error was above the tolerance, but within its own rounding.
+    pub by_rounding: u64,
     /// Calls of the right-hand side for the steps themselves, the start included.
     pub evaluations: u64,
     /// Calls of the right-hand side made only for dense output; not contained in `evaluations`.
@@ -28,6 +30,7 @@ impl std::ops::Add for Counters {
             retries: self.retries + other.retries,
             not_finite: self.not_finite + other.not_finite,
             lenient: self.lenient + other.lenient,
+            by_rounding: self.by_rounding + other.by_rounding,
             evaluations: self.evaluations + other.evaluations,
             dense_evaluations: self.dense_evaluations + other.dense_evaluations,
         }

@@ -17,6 +17,7 @@ use crate::dense_output::DenseOutput;
 use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
+use crate::rounding::SlopeRounding;
 use crate::step_size::{controller, ErrorNorm, StepController};
 use crate::stepper::{Conclusion, StepEnd, Stepper};
 use crate::tableau::{ErrorWeights, Tableau};
@@ -79,6 +80,9 @@ pub struct ExplicitRungeKutta {
     attempted_h: f64,
     error: f64,
     norm: ErrorNorm,
+    rounding: SlopeRounding,
+    /// Whether the error of the step is within the tolerance by the rounding of its estimate alone.
+    by_rounding: bool,
     controller: StepController,
     dense: DenseOutput,
     counters: Counters,
@@ -142,6 +146,8 @@ impl ExplicitRungeKutta {
             error: 0.0,
             // a method that raises its order until the motion is exact leaves the error to what varies faster
             norm: ErrorNorm::new(&options, options.observed.filter(|_| remembers), dim, stride),
+            rounding: SlopeRounding::new(stride),
+            by_rounding: false,
             controller: controller(tableau),
             dense,
             counters: Counters::default(),
@@ -261,6 +267,36 @@ impl ExplicitRungeKutta {
         Ok(())
     }
 
+    /// Measure the rounding of the slopes at the start of the step. Where that is impossible it stays unknown.
+    fn measure_rounding<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) {
+        let dim = self.dim;
+        self.rounding.beside(&self.y_old, self.norm.sizes(), &mut self.y_stage);
+        self.y_stage[dim..].fill(0.0);
+        self.rounding.slopes.fill(0.0);
+        self.counters.evaluations += 1;
+        match ode.rhs(self.t_old, &self.y_stage[..dim], &mut self.rounding.slopes[..dim]) {
+            Ok(()) => self.rounding.measured(&self.stages[..self.stride]),
+            Err(_) => self.rounding.forget(),
+        }
+    }
+
+    /// Error of the step at hand in units of the tolerance, and whether it is at most one because of the rounding of its
+    /// estimate.
+    fn judged(&mut self, h: f64, at_a_corner: bool) -> (f64, bool) {
+        let between = (&self.y_old[..], &self.y_new[..]);
+        let plain = self.method.error(&self.norm, h, &self.stages, between, at_a_corner);
+        if plain <= 1.0 || !self.rounding.known {
+            return (plain, false);
+        }
+        self.norm.set_floor(Some(&self.rounding.slopes), h);
+        let error = self.method.error(&self.norm, h, &self.stages, between, at_a_corner);
+        if error <= 1.0 {
+            return (error, true); // what decides on the next step sees it as well
+        }
+        self.norm.set_floor(None, h);
+        (error, false)
+    }
+
     fn prepare_dense_output<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
         let (h, dim) = (self.attempted_h, self.dim);
         for stage in self.dense.extra() {
@@ -304,6 +340,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         self.controller.reset();
         (self.corner_ahead, self.corner_behind) = (false, false);
         self.forget();
+        self.rounding.forget();
         if let Some(component) = first_not_finite(&self.y_old) {
             return Err(StepFailure::NotFinite { t, component });
         }
@@ -342,6 +379,9 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
                     Err(RhsError::Retry(error) | RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
                 }
             }
+            if self.grid.is_none() && self.rounding.is_due() {
+                self.measure_rounding(ode);
+            }
             match self.stages(ode, h, t_new) {
                 Ok(()) => {}
                 Err((_, RhsError::Retry(error))) => {
@@ -352,11 +392,11 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
                 }
                 Err((t, RhsError::Fatal(error))) => return Err(StepFailure::Rhs { t, error }),
             }
-            let error = match self.grid {
-                Some(_) => 0.0,
+            let (error, by_rounding) = match self.grid {
+                Some(_) => (0.0, false),
                 None => {
                     let at_a_corner = self.corner_behind || (self.corner_ahead && self.goal == Some(t_new));
-                    self.method.error(&self.norm, h, &self.stages, (&self.y_old, &self.y_new), at_a_corner)
+                    self.judged(h, at_a_corner)
                 }
             };
             if let Some(component) = self.not_finite(error) {
@@ -367,12 +407,16 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             if error <= 1.0 {
                 self.t_new = t_new;
                 self.attempted_h = h;
-                self.error = error;
+                (self.error, self.by_rounding) = (error, by_rounding);
                 self.dense.ready = false;
                 self.phase = Phase::Attempted;
                 return Ok(());
             }
             self.counters.rejected += 1;
+            if self.rounding.suspected(self.t_old, h, error) {
+                // the next attempt is judged by what is measured
+                self.measure_rounding(ode);
+            }
             self.step = h.abs() * self.controller.rejected(error);
             if let Some(memory) = &mut self.memory {
                 memory.failed();

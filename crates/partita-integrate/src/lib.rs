@@ -18,6 +18,7 @@ pub mod march;
 pub mod method;
 pub mod ode;
 pub mod options;
+mod rounding;
 pub mod simulate;
 pub mod singular_start;
 mod singular_times;

@@ -7,7 +7,7 @@ use crate::march::{is_of_a_position, Control, March, Outputs};
 use crate::method::Method;
 use crate::options::Options;
 use partita_system::formulation::Formulation;
-use partita_system::record::Output;
+use partita_system::record::{Crossings, Output};
 use partita_system::SystemError;
 use std::ops::ControlFlow;
 
@@ -35,8 +35,8 @@ pub struct Outcome {
     pub t: f64,
     /// Work of the stepper.
     pub counters: Counters,
-    /// Times of singular positions that were stepped over.
-    pub crossings: Vec<f64>,
+    /// Singular positions that were stepped over.
+    pub crossings: Crossings,
     /// What stopped it, if something failed.
     pub error: Option<SystemError>,
 }
@@ -69,7 +69,7 @@ pub fn simulate<F: Formulation>(
             message: format!("nothing to integrate: the run starts and ends at t = {t}"),
             t,
             counters: Counters::default(),
-            crossings: Vec::new(),
+            crossings: Crossings::default(),
             error: None,
         });
     }
@@ -88,7 +88,7 @@ pub fn simulate<F: Formulation>(
         Err(failure) => explain(failure, t),
     };
     // a last step across a position next to the end may have passed others after it
-    let crossings = formulation.crossings().into_iter().filter(|zero| *zero <= t).collect();
+    let crossings = formulation.crossings().until(t);
     Ok(Outcome { status, message, t, counters, crossings, error })
 }
 

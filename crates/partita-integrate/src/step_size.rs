@@ -2,6 +2,7 @@
 
 use crate::combination::{Row, TILE};
 use crate::options::{AbsoluteTolerance, Options};
+use crate::rounding::SlopeRounding;
 use crate::tableau::Tableau;
 use partita_math::tolerance;
 
@@ -100,6 +101,8 @@ pub(crate) struct ErrorNorm {
     /// Natural sizes of the components.
     sizes: Vec<f64>,
     atol: Vec<f64>,
+    /// What is added to each tolerance: rounding of the estimate.
+    floor: Vec<f64>,
     controlled: usize,
     /// A component whose error is bounded too, and its absolute tolerance and reference size.
     observed: Option<Observed>,
@@ -134,7 +137,23 @@ impl ErrorNorm {
         };
         let observed = observed.filter(|at| (controlled..dim).contains(at));
         let observed = observed.map(|at| Observed { at, atol: least, size: 1.0, reference: 0.0 });
-        Self { rtol: options.rtol, asked: atol.clone(), sizes: vec![1.0; stride], atol, controlled, observed }
+        let (asked, sizes, floor) = (atol.clone(), vec![1.0; stride], vec![0.0; stride]);
+        Self { rtol: options.rtol, asked, sizes, atol, floor, controlled, observed }
+    }
+
+    /// Estimates over a step of length h have the rounding of these slopes; none: nothing is known of it.
+    pub(crate) fn set_floor(&mut self, slopes: Option<&[f64]>, h: f64) {
+        match slopes {
+            Some(slopes) => {
+                self.floor.iter_mut().zip(slopes).for_each(|(to, x)| *to = SlopeRounding::of_estimate(*x, h));
+            }
+            None => self.floor.fill(0.0),
+        }
+    }
+
+    /// Natural sizes of the components.
+    pub(crate) fn sizes(&self) -> &[f64] {
+        &self.sizes
     }
 
     /// Absolute tolerances are in these sizes, one for each component.
@@ -194,9 +213,10 @@ impl ErrorNorm {
     #[inline(always)]
     fn tolerance_tile(&self, at: usize, y_old: &[f64], y_new: &[f64]) -> [f64; TILE] {
         let (atol, a, b) = (&self.atol[at..at + TILE], &y_old[at..at + TILE], &y_new[at..at + TILE]);
+        let floor = &self.floor[at..at + TILE];
         let mut tolerance = [0.0; TILE];
         for lane in 0..TILE {
-            let scale = atol[lane] + self.rtol * a[lane].abs().max(b[lane].abs());
+            let scale = atol[lane] + self.rtol * a[lane].abs().max(b[lane].abs()) + floor[lane];
             tolerance[lane] = scale.max(f64::MIN_POSITIVE);
         }
         tolerance

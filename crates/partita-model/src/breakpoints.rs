@@ -72,6 +72,38 @@ impl Curves {
     }
 }
 
+impl Curves {
+    /// Those of measurements that are read where they have a corner, in sentences.
+    pub fn one_sided(
+        &self,
+        model: &Evaluator<f64>,
+        t: f64,
+        state: (&[f64], &[f64]),
+        s: &mut Scratch<f64>,
+    ) -> Vec<String> {
+        let mut readings = vec![Reading::default(); self.breakpoints.len()];
+        self.read(model, t, state, s, &mut readings);
+        let every = self.sources.iter().zip(&self.breakpoints).zip(&readings);
+        every
+            .filter_map(|((source, curve), reading)| {
+                let owner = match source {
+                    Source::Time => return None,
+                    Source::Condition(i) => model.full.conditions[*i].name.clone(),
+                    Source::Element(i) => match &model.full.elements[*i] {
+                        Element::Load(load) => load.name.clone(),
+                        _ => return None,
+                    },
+                };
+                let corner = curve.sharp_at(reading.x)?;
+                Some(format!(
+                    "the table of \"{owner}\" is read at {}, where its slope jumps: one on either side",
+                    partita_math::formatted(corner)
+                ))
+            })
+            .collect()
+    }
+}
+
 fn of_table(table: &Table, enters: Enters, periodic: bool, angle: bool) -> Option<Breakpoints> {
     let reads = if angle { Reads::Angle } else { Reads::Other };
     Breakpoints::new(&table.breaks, &table.coefficients, enters, periodic, reads)

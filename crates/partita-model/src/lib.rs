@@ -28,6 +28,7 @@ pub mod motion_programs;
 mod names;
 pub mod numbers;
 pub mod observe;
+mod one_sided;
 pub mod operations;
 pub mod parameters;
 mod part;

@@ -469,7 +469,7 @@ impl Model {
         self.whole.get_or_init(|| self.own.whole())
     }
 
-    fn curves(&self) -> &Curves {
+    pub(crate) fn curves(&self) -> &Curves {
         self.curves.get_or_init(|| Curves::new(&self.spec, &self.own))
     }
 

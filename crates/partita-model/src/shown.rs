@@ -2,10 +2,12 @@
 
 use crate::error::DescriptionError;
 use crate::evaluator::{Evaluator, Scratch};
-use crate::force::{AppliedWrench, At, ForceApplication};
+use crate::force::{AppliedWrench, At, Effort, Element, ForceApplication, LoadLaw};
+use crate::joint::Motion;
 use crate::model::{Model, ModelScratch};
 use crate::part::Part;
 use crate::spec::Force;
+use crate::value::Source;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Spatial, Vec3};
 use partita_system::SystemError;
@@ -65,7 +67,36 @@ impl<S: Scalar> Evaluator<S> {
     }
 }
 
+/// A constant effort along a coordinate that is not one of the state: of a joint that closes a loop, or of any joint in
+/// absolute coordinates. Inside a run it does work, because the coordinate is known up to whole turns there; at outputs,
+/// where these are counted, it has the potential that it has along coordinates of the state.
+#[derive(Clone, Copy, Debug)]
+pub struct CountedEffort {
+    /// The effort.
+    pub effort: f64,
+    /// Number of the joint.
+    pub joint: usize,
+    /// Which of its coordinates.
+    pub coordinate: usize,
+}
+
 impl Model {
+    /// Force number `i` of the description, if it is such an effort.
+    pub fn counted_effort(&self, i: usize) -> Option<CountedEffort> {
+        let (Force::Torque { joint, coordinate, .. }, Ok((e, _))) = (self.spec.forces.get(i)?, self.load_number(i))
+        else {
+            return None;
+        };
+        let Element::Load(load) = &self.full.elements[e] else { return None };
+        let LoadLaw::Effort(Effort { value: Source::Constant(effort), in_state: false }) = load.law else {
+            return None;
+        };
+        let joint = *self.placed.joint_numbers.get(joint)?;
+        // angular velocities of a spatial rotation are no rates of coordinates
+        let scalars = self.placed.joints[joint].shape.motions.iter().take_while(|m| **m != Motion::Ball).count();
+        (*coordinate < scalars).then_some(CountedEffort { effort, joint, coordinate: *coordinate })
+    }
+
     /// Index among the elements of force number `i` of the description, and number of bodies it acts on: springs
     /// between points come first.
     ///

@@ -7,7 +7,7 @@ use crate::state::Array;
 use crate::tangent::{TangentFunctions, UserTangent};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
-use partita_analysis::run::{self, Balance, Finding, Motions, Request, Run, SolutionLog};
+use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::simulate::Status;
 use partita_system::options::TangentMap;
@@ -72,7 +72,7 @@ struct Kept<S> {
     shared: bool,
 }
 
-impl<S: Motions + Send + Sync> Reported for Kept<S> {
+impl<S: Balance + Send + Sync> Reported for Kept<S> {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
         let found = watched(py, |watch| self.log.describe::<S>(&self.system, self.shared, watch))?;
@@ -106,7 +106,7 @@ impl<S: Motions + Send + Sync> Reported for Kept<S> {
         Ok(partitions)
     }
     fn work(&self) -> Vec<f64> {
-        self.log.outputs.iter().map(|x| x.work).collect()
+        self.log.work(&*self.system)
     }
 }
 
@@ -161,11 +161,13 @@ impl Account {
             (intern!(py, "rejected"), c.rejected),
             (intern!(py, "retries"), c.retries),
             (intern!(py, "lenient"), c.lenient),
+            (intern!(py, "by_rounding"), c.by_rounding),
             (intern!(py, "evaluations"), c.evaluations),
             (intern!(py, "dense_evaluations"), c.dense_evaluations),
             (intern!(py, "factorisations"), f.factorisations),
             (intern!(py, "plans"), f.plans),
             (intern!(py, "switches"), f.switches),
+            (intern!(py, "unlisted_switches"), f.unlisted_switches),
             (intern!(py, "corrections"), f.corrections),
             (intern!(py, "renewals"), f.renewals),
             (intern!(py, "newton_iterations"), f.newton_iterations),
@@ -247,7 +249,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
 }
 
 /// Results of a stepped motion, in the form of `run`; user functions are called in order.
-pub fn left<'py, S: Motions + Send + Sync + 'static>(
+pub fn left<'py, S: Balance + Send + Sync + 'static>(
     py: Python<'py>,
     system: &Arc<S>,
     found: Run,
@@ -332,7 +334,7 @@ fn ended(py: Python<'_>, message: &str, t: f64, name: &str, cause: PyErr) -> PyE
 }
 
 /// What a run reports at once: its times and states, how it ended, and its log, which has all else.
-fn reported_run<'py, S: Motions + Send + Sync + 'static>(
+fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     py: Python<'py>,
     system: Arc<S>,
     run: Run,

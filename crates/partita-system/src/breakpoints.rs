@@ -42,6 +42,9 @@ pub struct Breakpoints {
     jumps: Vec<[f64; 4]>,
     /// The largest of each.
     largest: [f64; 4],
+    /// Leading jumps that leave the equations without a derivative: of an effort and its slope, of a rate's slope, of
+    /// a curvature.
+    sharp: usize,
     period: Option<f64>,
     reads: Reads,
     /// Mean distance between two.
@@ -87,6 +90,7 @@ impl Breakpoints {
             breaks: breaks.to_vec(),
             jumps: vec![[0.0; 4]; n],
             largest: [0.0; 4],
+            sharp: if enters == Enters::Effort { 2 } else { 1 },
             period: periodic.then_some(last - first),
             reads,
             spacing: (last - first) / n as f64,
@@ -104,6 +108,14 @@ impl Breakpoints {
             }
         }
         (found.largest != [0.0; 4]).then_some(found)
+    }
+
+    /// The breakpoint at x, if the equations have no derivative there.
+    pub fn sharp_at(&self, x: f64) -> Option<f64> {
+        let near = tolerance::EQUAL * self.spacing;
+        let (breakpoint, i) = self.next(x - near, true)?;
+        let sharp = self.jumps[i][..self.sharp].iter().any(|jump| *jump > 0.0);
+        (sharp && breakpoint <= x + near).then_some(breakpoint)
     }
 
     /// The reading in between, as the cubic given by values and rates at both ends of an interval of length h.

@@ -63,6 +63,73 @@ impl PartitionEvent {
     }
 }
 
+/// Changes of the choice that are listed however many follow: the first ones. Unit: number. Reason: a run that changes
+/// its choice more often is not read change by change, and the memory of a run is that of its outputs.
+const LISTED: usize = 1000;
+
+/// Changes of the choice: the first ones, those in use at outputs, and the last one. Others are counted.
+#[derive(Clone, Debug, Default)]
+pub struct ChoiceLog {
+    /// Those listed.
+    pub events: Vec<PartitionEvent>,
+    /// Number of those that are not.
+    pub unlisted: u64,
+    /// Number of switches among these.
+    pub unlisted_switches: u64,
+    /// Whether an output uses the last one.
+    in_use: bool,
+}
+
+impl ChoiceLog {
+    /// The choice from here on. Numbers of those in use at outputs stay.
+    pub fn record(&mut self, event: PartitionEvent) {
+        if self.events.len() > LISTED && !self.in_use {
+            let last = self.events.pop();
+            self.unlisted += 1;
+            self.unlisted_switches += u64::from(last.is_some_and(|x| !x.entering.is_empty()));
+        }
+        self.in_use = false;
+        self.events.push(event);
+    }
+    /// An output that is kept uses the last one.
+    pub fn keep(&mut self) {
+        self.in_use = true;
+    }
+}
+
+/// Singular positions that were crossed: the first ones and the latest. Others are counted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Crossings {
+    /// Times.
+    pub times: Vec<f64>,
+    /// Number of those that are not listed.
+    pub unlisted: u64,
+}
+
+impl Crossings {
+    /// Latest ones that stay listed. Unit: number. Reason: more than one step may cross; a run that ends before them does
+    /// not count them.
+    const LATEST: usize = 64;
+
+    /// One more.
+    pub fn push(&mut self, t: f64) {
+        if self.times.len() > LISTED {
+            self.times.remove(LISTED - Self::LATEST);
+            self.unlisted += 1;
+        }
+        self.times.push(t);
+    }
+    /// All until t.
+    pub fn until(mut self, t: f64) -> Self {
+        self.times.retain(|zero| *zero <= t);
+        self
+    }
+    /// How many.
+    pub fn count(&self) -> u64 {
+        self.unlisted + self.times.len() as u64
+    }
+}
+
 impl Output {
     /// Take over an instant, not a singular one; `turns`, `choice` and `basis` stay.
     pub fn set(&mut self, t: f64, q: &[f64], v: &[f64], work: f64) {
@@ -145,6 +212,8 @@ pub struct FormulationCounters {
     pub plans: u64,
     /// Switches of independent coordinates.
     pub switches: u64,
+    /// Switches that the record does not list.
+    pub unlisted_switches: u64,
     /// Position corrections applied.
     pub corrections: u64,
     /// Tangent bases made, the first included: S of a frozen basis, of a tangent chart.
@@ -168,8 +237,8 @@ pub struct History {
     pub counters: FormulationCounters,
     /// Rows kept at present, ascending.
     pub rows: Vec<usize>,
-    /// Times of singular positions that were crossed.
-    pub crossings: Vec<f64>,
+    /// Singular positions that were crossed.
+    pub crossings: Crossings,
     /// Largest |Φ| and |C v + a| over all rows at the ends of accepted steps.
     pub closure_error: (f64, f64),
     /// As `closure_error`, relative to sizes, with times and rows.
@@ -284,4 +353,39 @@ pub enum Verdict {
     Change,
     /// The choice became poor inside it: reject it, choose anew at its start and try half of it.
     Repeat,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn choices_are_listed_where_outputs_use_them_and_counted_otherwise() {
+        let mut log = ChoiceLog::default();
+        let mut used = Vec::new();
+        for i in 0..4 * LISTED {
+            let quality = Quality { sigma: 1.0, sqrt_mu: 1.0 };
+            log.record(PartitionEvent::new(i as f64, &[i % 2], &[1 - i % 2], &[], String::new(), quality));
+            if i % 100 == 7 {
+                log.keep();
+                used.push((log.events.len() - 1, i as f64));
+            }
+        }
+        assert_eq!(log.events.len() as u64 + log.unlisted, 4 * LISTED as u64);
+        assert_eq!(log.unlisted, log.unlisted_switches);
+        assert!(log.events.len() <= LISTED + 2 + used.len());
+        assert!(used.iter().all(|&(number, t)| log.events[number].t == t));
+        assert!(log.events.windows(2).all(|x| x[0].t < x[1].t));
+        assert_eq!(log.events.last().map(|x| x.t), Some((4 * LISTED - 1) as f64));
+    }
+
+    #[test]
+    fn crossings_are_counted_and_the_latest_may_lie_beyond_the_end() {
+        let mut found = Crossings::default();
+        (0..5 * LISTED).for_each(|i| found.push(i as f64));
+        assert_eq!((found.count(), found.times.len()), (5 * LISTED as u64, LISTED + 1));
+        assert_eq!(found.times[..6], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
+        let end = (5 * LISTED - 3) as f64;
+        assert_eq!(found.until(end).count(), 5 * LISTED as u64 - 2);
+    }
 }

@@ -67,6 +67,7 @@ class Builder(NamedJoints, JointLoads):
     add_force_law = law_room.add_force_law
 
     add_sensor = sensor_room.add_sensor
+    add_imu = sensor_room.add_imu
 
     @property
     def bodies(self) -> Elements[Body]:

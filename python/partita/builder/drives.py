@@ -70,8 +70,10 @@ def add_drive(
         name: None: made from the joint's name.
 
     Derivatives of a function that are not given are computed exactly, by automatic differentiation, if f uses only
-    arithmetic and NumPy functions. For other functions (`math.sin`, interpolators) central differences of order 8 are
-    used, and a note in the result reports their accuracy. The same applies to a pose: rotation vectors, quaternions and
+    arithmetic and NumPy functions. Other functions (`math.sin`, interpolators) are followed by polynomials in pieces,
+    each as long as the values follow one to their own rounding or noise; pieces end where a derivative jumps and where
+    the function is no longer defined. The position at every instant is the function's own value, and a note in the
+    result reports the accuracy of the derivatives. The same applies to a pose: rotation vectors, quaternions and
     matrices are differentiated exactly, a SciPy `Rotation` is not.
 
     Raises:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..products import matmul
 from ..state import Layout
@@ -24,6 +25,22 @@ _TABLE = 1e-9
 """Error of the acceleration of a smooth table, relative to its largest value: that to which `partita.table` samples."""
 _RULES = tuple((0.5 * (1.0 + x), 0.5 * w) for x, w in map(np.polynomial.legendre.leggauss, (12, 8)))
 """Nodes and weights on (0, 1) of Gauss's rules of twelve and of eight nodes."""
+_KEPT = 32
+"""Panels whose cells are kept: more than a step spans."""
+_BLOCK, _BLOCKS = 256, 8
+"""Panels of a block, and blocks whose panels are kept one by one: of a long run one number for half a minute."""
+_LAST = 2
+"""Coefficients of the polynomial through the nodes that must vanish where parts of a cell are to be exact, too."""
+
+
+def _to_legendre() -> NDArray[np.float64]:
+    """Matrix from values at the twelve nodes to the coefficients of their polynomial."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    values = np.polynomial.legendre.legvander(nodes, 11)
+    return np.asarray((np.arange(12)[:, None] + 0.5) * values.T * weights, dtype=float)
+
+
+_TO_LEGENDRE = _to_legendre()
 
 
 class Integral:
@@ -35,8 +52,9 @@ class Integral:
 
     def __init__(self, acceleration: Motion | _Steady, rate: float) -> None:
         self.acceleration, self.rate = acceleration, rate
-        self._ahead, self._behind = [0.0], [0.0]
-        self._panels: dict[float, _Panel] = {}
+        self._marks = {_PANEL: [0.0], -_PANEL: [0.0]}
+        self._blocks: dict[tuple[int, float], list[float]] = {}
+        self._panels: dict[tuple[float, float], _Panel] = {}
 
     @property
     def notes(self) -> list[str]:
@@ -48,25 +66,57 @@ class Integral:
         return self
 
     def __call__(self, t: float) -> tuple[float, float, float]:
-        pieces, step = (self._ahead, _PANEL) if t >= 0.0 else (self._behind, -_PANEL)
+        step = _PANEL if t >= 0.0 else -_PANEL
         whole = int(t / step)
-        while len(pieces) <= whole:
-            pieces.append(pieces[-1] + _Panel(self.acceleration.alone, (len(pieces) - 1) * step, step).whole())
         acceleration, jerk, _ = self.acceleration(t)
-        begin = whole * step
-        if begin not in self._panels:
-            self._panels = {begin: _Panel(self.acceleration.alone, begin, step)}
-        return self.rate + pieces[whole] + self._panels[begin].up_to(t), acceleration, jerk
+        integral = self._until(whole, step) + self._panel(whole * step, step).up_to(t)
+        return self.rate + integral, acceleration, jerk
+
+    def _until(self, whole: int, step: float) -> float:
+        """From 0 over whole panels. What is kept are the integrals at every `_BLOCK` panels, and those between them
+        where they were asked for last."""
+        number, within = divmod(whole, _BLOCK)
+        marks = self._marks[step]
+        while len(marks) <= number:
+            marks.append(self._block(len(marks) - 1, step, _BLOCK)[_BLOCK])
+        return self._block(number, step, within)[within]
+
+    def _block(self, number: int, step: float, within: int) -> list[float]:
+        found = self._blocks.get((number, step))
+        if found is None:
+            if len(self._blocks) >= _BLOCKS:
+                self._blocks.clear()
+            found = self._blocks[number, step] = [self._marks[step][number]]
+        while len(found) <= within:
+            begin = (number * _BLOCK + len(found) - 1) * step
+            found.append(found[-1] + self._panel(begin, step).whole())
+        return found
+
+    def _panel(self, begin: float, step: float) -> _Panel:
+        found = self._panels.get((begin, step))
+        if found is None:
+            if len(self._panels) >= _KEPT:
+                self._panels.clear()
+            found = self._panels[begin, step] = _Panel(self.acceleration.alone, begin, step)
+        return found
+
+
+class _Cell(NamedTuple):
+    """The integral over a cell by the rule, whether it is exact, in parts as well, and the polynomial integrated."""
+
+    value: float
+    exact: bool
+    coefficients: NDArray[np.float64]
 
 
 class _Panel:
     """The integral of a function from the start of a panel. Cells are halved until Gauss's rule is exact to round-off;
-    around a jump they get short, and all are kept."""
+    around a jump they get short, and all are kept. Parts of a cell are those of its polynomial, without calls."""
 
     def __init__(self, function: Callable[[float], float], begin: float, length: float) -> None:
         self.function, self.begin, self.length = function, begin, length
-        self.cells: dict[tuple[float, float], tuple[float, bool]] = {}
-        self.size = max(abs(function(begin + length * float(x))) for x in _RULES[0][0])
+        self.cells: dict[tuple[float, float], _Cell] = {}
+        self.size: float | None = None
 
     def whole(self) -> float:
         """Its integral over the whole panel."""
@@ -76,8 +126,10 @@ class _Panel:
         """From its start to t."""
         total, begin, length = 0.0, self.begin, self.length
         while t != begin:
-            if self._cell(begin, length)[1]:
-                return total + self._rule(begin, t - begin)[0]
+            cell = self._cell(begin, length)
+            if cell.exact:
+                part = np.polynomial.legendre.legval(2.0 * (t - begin) / length - 1.0, cell.coefficients)
+                return total + length * float(part)
             length *= 0.5
             if abs(t - begin) >= abs(length):
                 total += self._over(begin, length)
@@ -85,23 +137,31 @@ class _Panel:
         return total
 
     def _over(self, begin: float, length: float) -> float:
-        value, exact = self._cell(begin, length)
-        return value if exact else self._over(begin, 0.5 * length) + self._over(begin + 0.5 * length, 0.5 * length)
+        cell = self._cell(begin, length)
+        if cell.exact:
+            return cell.value
+        return self._over(begin, 0.5 * length) + self._over(begin + 0.5 * length, 0.5 * length)
 
-    def _cell(self, begin: float, length: float) -> tuple[float, bool]:
-        """Its integral by the rule, and whether that is exact."""
+    def _cell(self, begin: float, length: float) -> _Cell:
+        """The cell with this start and length."""
         found = self.cells.get((begin, length))
         if found is None:
             if len(self.cells) >= _CELLS:
                 raise RoughError("its values do not vary smoothly enough to be integrated")
-            value, error = self._rule(begin, length)
-            exact = not error > _EXACT * self.size * abs(self.length) or abs(length) < _SHORTEST * abs(self.length)
-            found = self.cells[begin, length] = value, exact
+            values = [np.array([self.function(begin + length * float(s)) for s in x]) for x, _ in _RULES]
+            fine, coarse = (float(matmul(w, seen)) for (_, w), seen in zip(_RULES, values, strict=True))
+            if self.size is None:
+                self.size = float(np.abs(values[0]).max())
+            series = matmul(_TO_LEGENDRE, values[0])
+            part = float(np.abs(series[-_LAST:]).max()) / len(series)
+            error = abs(length) * max(abs(fine - coarse), part)
+            # times are rounded, and the function with them
+            rounding = float(np.finfo(float).eps) * abs(begin) * float(np.ptp(values[0]))
+            allowed = _EXACT * self.size * abs(self.length) + rounding
+            exact = not error > allowed or abs(length) < _SHORTEST * abs(self.length)
+            reached = np.polynomial.legendre.legint(series, scl=0.5, lbnd=-1)
+            found = self.cells[begin, length] = _Cell(length * fine, exact, reached)
         return found
-
-    def _rule(self, begin: float, length: float) -> tuple[float, float]:
-        fine, coarse = (float(matmul(w, [self.function(begin + length * float(s)) for s in x])) for x, w in _RULES)
-        return length * fine, abs(length * (fine - coarse))
 
 
 def rate_of(acceleration: Value, rate: float) -> Value:

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import EvaluationError, PartitaError
 from ..state import Layout
 from .checks import Element, takes
+from .pieces import Pieces, Refusals
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import Cubics, finite, one_number
@@ -45,11 +46,14 @@ class Motion:
     """f(t) -> (position, velocity, acceleration), in the form that the core needs.
 
     Missing derivatives are computed: exactly by evaluating f on a `Jet`, and where f refuses one (`math.sin`,
-    interpolators) by central differences with the step that shows the smallest error. `notes` reports that.
+    interpolators) from polynomials in `Pieces` through its values, of which one at t is always taken. Where it is not
+    smooth enough for these, by central differences with the step that shows the smallest error. `notes` reports that.
     """
 
     def __init__(self, element: Element, position: TimeFunction, velocity: Any, acceleration: Any) -> None:
         self.element, self.notes = element, list[str]()
+        self._pieces: Pieces | None = None
+        self._refusals: Refusals | None = None
         self.position, self.velocity, self.acceleration = position, velocity, acceleration
         for function in (position, velocity, acceleration):
             if function is not None:
@@ -91,12 +95,12 @@ class Motion:
     def __getstate__(self) -> dict[str, Any]:
         for what in ("position", "velocity", "acceleration"):
             check_picklable(self.element, f"function of the {what}", getattr(self, what))
-        return self.__dict__
+        return {**self.__dict__, "_pieces": None, "_refusals": None}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Motion:
         """With the same functions, which were tried before: Python copies functions as themselves."""
         twin = Motion.__new__(Motion)
-        twin.__dict__.update(self.__dict__, notes=list(self.notes))
+        twin.__dict__.update(self.__dict__, notes=list(self.notes), _pieces=None, _refusals=None)
         return twin
 
     def __call__(self, t: float) -> tuple[float, float, float]:
@@ -114,8 +118,8 @@ class Motion:
         if not finite(motion):
             raise EvaluationError(
                 f'drive "{self.element.name}": position, velocity, acceleration at t = {t:g} s are {motion}; '
-                "the function must be smooth and defined at all times of the run, and slightly around them where "
-                "its derivatives are not given (pass velocity= and acceleration=)",
+                "the function must be smooth and defined at all times of the run, or its derivatives be given "
+                "(velocity= and acceleration=)",
                 t=t,
                 where=self.element.name,
             )
@@ -173,14 +177,30 @@ class Motion:
 
     def _derive(self, function: TimeFunction, t: float) -> tuple[float, float, float]:
         """f, f', f'' at t. The method is selected at each time independently of earlier calls."""
-        try:
-            jet = _as_jet(function(Jet(t, 1.0, 0.0)))
-            return jet.x, jet.d1, jet.d2
-        except Exception:  # whatever a user's function raises for a type of number that it does not know
-            result = self._differences(function, t)
+        if self._refusals is None:
+            self._refusals = Refusals(lambda s: _exactly(function, s), lambda s: self._plain(function, s))
+        if not self._refusals.at(t):
+            try:
+                return _exactly(function, t)
+            except Exception:  # whatever a user's function raises for a type of number that it does not know
+                pass
+        result = self._of_values(function, t)
         if not self.notes:
-            self._warn(function, t)
+            self._warn(result[3], t)
         return result[:3]
+
+    def _of_values(self, function: TimeFunction, t: float) -> tuple[float, float, float, float]:
+        """f, f', f'' and the error of the latter, from values alone. Only one of the functions has none of its
+        derivatives given, so one set of pieces is enough."""
+        value = self._plain(function, t)
+        if not finite((value,)):
+            return value, value, value, 0.0
+        if self._pieces is None:
+            self._pieces = Pieces(lambda s: np.array([self._plain(function, s)]), np.zeros(1))
+        found = self._pieces.at(t, np.array([value]))
+        if found is None:
+            return self._differences(function, t)
+        return value, float(found.first[0]), float(found.second[0]), float(found.error[0])
 
     def _differences(self, function: TimeFunction, t: float) -> tuple[float, float, float, float]:
         """`differences`, with a message for a function that ends at t."""
@@ -203,14 +223,19 @@ class Motion:
                 where=self.element.name,
             ) from error
 
-    def _warn(self, function: TimeFunction, t: float) -> None:
+    def _warn(self, error: float, t: float) -> None:
         """Report once that derivatives are not exact."""
-        error = self._differences(function, t)[3]
         self.notes.append(
             f'drive "{self.element.name}": the function could not be differentiated exactly, so its derivatives are '
-            f"central differences of order 8, good to about {error:.0e} in the second derivative at t = {t:g} s; use "
-            "NumPy functions (np.sin instead of math.sin), or give velocity= and acceleration="
+            f"differences of high order of its values, good to about {error:.0e} in the second derivative at "
+            f"t = {t:g} s; use NumPy functions (np.sin instead of math.sin), or give velocity= and acceleration="
         )
+
+
+def _exactly(function: TimeFunction, t: float) -> tuple[float, float, float]:
+    """f, f', f'' of a function that takes a `Jet`."""
+    jet = _as_jet(function(Jet(t, 1.0, 0.0)))
+    return jet.x, jet.d1, jet.d2
 
 
 def _as_jet(value: Any) -> Jet:

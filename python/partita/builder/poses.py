@@ -16,6 +16,7 @@ from ..state import Layout
 from .checks import Array, Element, shape_of, takes, vector
 from .frames import ORTHONORMAL, is_rotation, rotation, transform
 from .motion import RoughError, differences
+from .pieces import Pieces, Refusals
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import BY_DEFAULT, Constant, Cubics, Curve, Function, Table, finite, one_number, table
@@ -215,8 +216,9 @@ class Pose:
     """f(t) -> (position, orientation) with rates and accelerations.
 
     Exact where f takes a `Jet` (arithmetic, NumPy functions) and returns a rotation vector, a quaternion or a matrix.
-    Where it does not (a SciPy `Rotation`) differences of order 8 take their place: of positions, and of the rotation
-    vector that leads away from the orientation at t. Its first two derivatives there are the angular velocity and the
+    Where it does not (a SciPy `Rotation`) polynomials in `Pieces` through positions and rotation matrices take their
+    place; where these are not smooth enough, differences of order 8: of positions, and of the rotation vector that
+    leads away from the orientation at t. Its first two derivatives there are the angular velocity and the
     angular acceleration in the axes that turn: no angle is unwrapped, and no position is singular.
     """
 
@@ -226,17 +228,23 @@ class Pose:
         self.element, self.function, self.slides, self.drawn = element, function, slides, drawn
         self.notes: list[str] = []
         self._last: tuple[float, tuple[list[tuple[float, float, float]], list[float]]] | None = None
+        self._pieces: Pieces | None = None
+        self._refusals = Refusals(self._exactly, self._plain)
         takes(element, "its function", function, "one argument, t", 1)
         self.at(0.0)
 
     def __getstate__(self) -> dict[str, Any]:
         check_picklable(self.element, "function of the pose", self.function)
-        return {**self.__dict__, "_last": None}
+        return {**self.__dict__, "_last": None, "_pieces": None, "_refusals": None}
+
+    def __setstate__(self, stored: dict[str, Any]) -> None:
+        self.__dict__.update(stored, _refusals=Refusals(self._exactly, self._plain))
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Pose:
         """With the same function, which was tested before: Python copies functions as themselves."""
         twin = Pose.__new__(Pose)
-        twin.__dict__.update(self.__dict__, notes=list(self.notes), _last=None)
+        twin.__dict__.update(self.__dict__, notes=list(self.notes), _last=None, _pieces=None)
+        twin._refusals = Refusals(twin._exactly, twin._plain)
         memo[id(self)] = twin
         return twin
 
@@ -256,11 +264,15 @@ class Pose:
         return last[1]
 
     def _found(self, t: float) -> tuple[list[tuple[float, float, float]], list[float]]:
-        try:
-            found = self._exactly(t)
-        except _NoPoseError:
-            raise
-        except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
+        found = None
+        if not self._refusals.at(t):
+            try:
+                found = self._exactly(t)
+            except _NoPoseError:
+                raise
+            except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
+                pass
+        if found is None:
             found = self._nearly(t)
         slides, (matrix, spin, growth) = found
         if self.drawn is not None:
@@ -307,7 +319,26 @@ class Pose:
         return slides, (matrix, 2.0 * _seen(value, first), 2.0 * _seen(value, second))
 
     def _nearly(self, t: float) -> tuple[list[tuple[float, float, float]], tuple[Array, Array, Array]]:
+        """By polynomials through positions and matrices, or else by differences."""
         here, matrix = self._plain(t)
+        if self._pieces is None:
+            self._pieces = Pieces(self._numbers, np.array([0.0] * self.slides + [1.0] * 9))
+        found = self._pieces.at(t, np.concatenate([here, matrix.ravel()]))
+        if found is None:
+            return self._by_differences(t, here, matrix)
+        self._note(float(found.error.max()), t)
+        slides = [(float(here[i]), float(found.first[i]), float(found.second[i])) for i in range(self.slides)]
+        rate, bend = (part[self.slides :].reshape(3, 3) for part in (found.first, found.second))
+        return slides, (matrix, _axial(matrix.T @ rate), _axial(matrix.T @ bend))
+
+    def _numbers(self, t: float) -> Array:
+        """Position and matrix."""
+        position, matrix = self._plain(t)
+        return np.concatenate([position, matrix.ravel()])
+
+    def _by_differences(
+        self, t: float, here: Array, matrix: Array
+    ) -> tuple[list[tuple[float, float, float]], tuple[Array, Array, Array]]:
         seen: dict[float, Array] = {}
 
         def moved(s: float) -> Array:
@@ -335,16 +366,21 @@ class Pose:
                 "the function works there but not slightly before or after, where its derivatives are evaluated "
                 f"({type(error).__name__}: {error}); use NumPy functions and return a rotation vector or a quaternion",
             ) from error
-        if not self.notes:
-            worst = max(f[3] for f in found)
-            self.notes.append(
-                f'drive "{self.element.name}": the pose could not be differentiated exactly, so its derivatives are '
-                f"central differences of order 8, good to about {worst:.0e} in the second derivative at t = {t:g} s; "
-                "use NumPy functions, and return a rotation vector, a quaternion or a matrix, not a SciPy Rotation"
-            )
+        self._note(max(f[3] for f in found), t)
         slides = [(float(here[i]), found[i][1], found[i][2]) for i in range(self.slides)]
         turns = found[self.slides :]
         return slides, (matrix, np.array([f[1] for f in turns]), np.array([f[2] for f in turns]))
+
+    def _note(self, error: float, t: float) -> None:
+        """Report once that derivatives are not exact."""
+        if self.notes:
+            return
+        self.notes.append(
+            f'drive "{self.element.name}": the pose could not be differentiated exactly, so its derivatives are '
+            f"differences of high order of its values, good to about {error:.0e} in the second derivative at "
+            f"t = {t:g} s; use NumPy functions, and return a rotation vector, a quaternion or a matrix, not a SciPy "
+            "Rotation"
+        )
 
     def _plain(self, t: float) -> tuple[Array, Array]:
         position, turn = self._split(self.function(t), t)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..numeric import shown
-from ..sensing import OPERATIONS, READS, SensorRecord, known
+from ..sensing import OF_MOUNTED, OPERATIONS, READS, SensorRecord, known
 from .bodies import own_name, resolve
 from .checks import Element, choice, find, index, name_of, number, takes
 from .drawing import Drawing
@@ -114,6 +114,15 @@ class Sensor(Handle, Reading):
         return self.name
 
 
+class Imu(NamedTuple):
+    """An accelerometer and a gyroscope on one body."""
+
+    specific_force: Sensor
+    """Acceleration of the point less that of gravity [m/s^2]."""
+    angular_velocity: Sensor
+    """Of the body [rad/s]."""
+
+
 def _made(word: str, *parts: Any) -> Expression:
     return Expression([word, *(part.tree() if isinstance(part, Reading) else part for part in parts)])
 
@@ -140,7 +149,8 @@ def add_sensor(
 
     Possible values of `of`, and of `reads` for each:
 
-    - (body, point), the point in body axes: "position", "velocity", "acceleration" (3);
+    - (body, point), the point in body axes: "position", "velocity", "acceleration" (3), and what an accelerometer there
+      measures, "specific_force": the acceleration less that of gravity, in the axes of the body (3) [m/s^2];
     - a body: the same for its origin, "rotation" (3, 3), "angular_velocity", "angular_acceleration" (3);
     - a joint, including one that closes a loop: "position", "velocity", "acceleration", "drive" (all its coordinates,
       or one selected by `coordinate`), "force", "moment" (3) on its child;
@@ -153,16 +163,17 @@ def add_sensor(
     - an expression of other sensors: `front + rear`, `2 * tip[0]`, `force * rate`, `tip.norm()`, `a.dot(b)`;
     - a list of other sensors with a `function` f(t, a, b, ...) of their values at one output: a number or an array.
 
-    Power is the power delivered to the bodies. Vectors are in world axes unless `axes` says otherwise. Force laws f(t,
-    state) read sensors of positions and velocities by `state.sensor(name)`; they cannot read sensors that need
+    Power is the power delivered to the bodies. Vectors are in world axes unless `axes` says otherwise, a specific force
+    in those of its body. An accelerometer and a gyroscope in one call: `add_imu`. Force laws f(t, state) read sensors
+    of positions and velocities by `state.sensor(name)`; they cannot read sensors that need
     accelerations or forces, since these depend on the force laws.
 
     Args:
         name: unique among the sensors.
         of: the measured object: a handle, or a name that only one element of the mechanism has.
         reads: the measured quantity; None for expressions and functions.
-        axes: a body in whose axes vectors are given, as measured by a sensor mounted on it (points, bodies, forces);
-            for the force and moment of a joint "joint" or "world".
+        axes: a body in whose axes vectors are given, as measured by a sensor mounted on it, or "world" (points, bodies,
+            forces); for the force and moment of a joint "joint" or "world".
         coordinate: index of the coordinate of a joint, or of the body of a force on several bodies; None: all
             coordinates of a joint, the first body of a force.
         function: f(t, *values); its result must depend only on its arguments. A file cannot hold it.
@@ -205,6 +216,46 @@ def add_sensor(
         _complete(self, element, data, reads, axes, coordinate)
     self._description.store(self._description.sensors, SensorRecord(element.name, data, unit, text, function))
     return Sensor(element.name, self)
+
+
+def add_imu(self: Drawing, name: str, of: Any, *, axes: Any = None) -> Imu:
+    """Add an inertial measurement unit: an accelerometer and a gyroscope at one point of a body, as two sensors.
+
+    The accelerometer measures the specific force, the acceleration of the point less that of gravity: at rest
+    9.81 m/s^2 upwards, in free fall nothing. Both are vectors (3) in the axes of the body, which turn with it.
+
+    Args:
+        name: the sensors are called "NAME specific force" and "NAME angular velocity".
+        of: (body, point), the point in body axes [m]; a body: its origin.
+        axes: another body in whose axes both are given, or "world"; None: those of the body.
+
+    Returns:
+        Both sensors: `specific_force` [m/s^2], `angular_velocity` [rad/s].
+
+    Raises:
+        DescriptionError: a name is taken, or `of` is no point of a body. UnknownNameError: there is no such body.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("arm", gravity=(0, -9.81, 0))
+    >>> arm = m.add_rod("arm", start=(0, 0, 0), end=(0, 2, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, arm, point=(0, 0, 0))
+    >>> imu = m.add_imu("imu", (arm, (2, 0, 0)))
+    >>> run = m.simulate(1.0, t_eval=[0.0, 1.0])      # it stands upright; the arm's x points up
+    >>> run.sensor("imu specific force").values[0].round(9).tolist()
+    [9.81, 0.0, 0.0]
+    >>> run.sensor(imu.angular_velocity.name).unit
+    'rad/s'
+    """
+    element = name_of("sensor", name, self._description.sensors)
+    names = [f"{name} {quantity}" for quantity in ("specific force", "angular velocity")]
+    for each in names:
+        name_of("sensor", each, self._description.sensors)
+    data = _data(self, element, of, False)
+    if data["of"] not in ("point", "body"):
+        element.fail(f"an IMU is mounted at a point of a body, (body, (x, y, z)), not at {shown(of)}")
+    body, given = {"body": data["body"]}, data["body"] if axes is None else axes
+    felt = add_sensor(self, names[0], of, "specific_force", axes=given)
+    return Imu(felt, add_sensor(self, names[1], body, "angular_velocity", axes=given))
 
 
 def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, Any]:
@@ -353,6 +404,8 @@ def _complete(m: Drawing, element: Element, data: dict[str, Any], reads: Any, ax
         if form != "load" or data["reads"] in ("power", "energy"):
             element.fail("coordinate applies to joints, and to forces that act on several bodies")
         data["body"] = index(element, "coordinate", coordinate, _sides(m._description.forces[data["force"]]))
+    if axes is None and data["reads"] in OF_MOUNTED:
+        axes = data["body"]
     if axes is None:
         return
     if data["of"] == "joint" and data["reads"] in ("force", "moment"):

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..naming import listed
 from ..options import SELECTIONS, TANGENTS, WHOLE
+from ..results.partition_log import switches_of
 
 if TYPE_CHECKING:
     from ..results import Result
@@ -77,8 +78,9 @@ def switches(result: Result) -> list[str]:
     changes = [change for change in result.partitions if change.is_switch]
     if not changes:
         return ["Switches: none"]
-    lines = [f"Switches: {len(changes)}", *(f"  {change}" for change in changes[:LINES])]
-    if len(changes) > LINES:
+    count = switches_of(result)
+    lines = [f"Switches: {count}", *(f"  {change}" for change in changes[:LINES])]
+    if count > LINES:
         ever = sorted({name for change in changes for name in change.entering})
-        lines.append(f"  and {len(changes) - LINES} more; entered at some time: {listed(ever)}")
+        lines.append(f"  and {count - LINES} more; entered at some time: {listed(ever)}")
     return lines

@@ -27,7 +27,7 @@ from ..builder.records import (
 )
 from ..builder.spec import VERSION
 from ..builder.values import BY_DEFAULT, Constant, Cubics, Function, Table, Value
-from ..sensing import SensorRecord
+from ..sensing import OF_MOUNTED, SensorRecord
 
 _WIDTH = 110
 Entries = dict[str, Any]
@@ -82,7 +82,9 @@ def _sensor(record: SensorRecord) -> Entries:
         case kind:
             of = {kind: data[kind]}
     coordinate = data.get("coordinate") if data["of"] == "joint" else data.get("body") if "force" in data else None
-    axes = None if data.get("axes") == "world" else data.get("axes")
+    axes = data.get("axes")
+    if axes == (data["body"] if data.get("reads") in OF_MOUNTED else "world"):
+        axes = None  # as it is by default
     entries = {"reads": data.get("reads"), "axes": axes, "coordinate": coordinate}
     return {"name": record.name, "of": of, **entries, "unit": record.unit, "text": record.text}
 

@@ -149,7 +149,9 @@ def linearize(
 
     Raises:
         ArgumentError: the velocities of the state violate constraints, a name is no input, a choice does not serve, an
-            effort acts where a drive prescribes the motion, nothing drives what an acceleration is asked of.
+            effort acts where a drive prescribes the motion, nothing drives what an acceleration is asked of; the
+            equations have no derivative there, because friction sticks, or a stop, a rope, a contact or a table is
+            exactly at a corner.
         SingularityError: the position is singular. UnknownNameError: there is no output of a name.
 
     Cost: an evaluation with derivatives for every eight columns.

@@ -174,8 +174,9 @@ class Stepper:
         return now
 
     def reset(self, initial: State | None = None) -> State:
-        """Start again from a state, or from the initial one; the record for `result` is dropped and the inputs are
-        reset. Angles of drives of joints that close loops start within half a turn.
+        """Start again from a state, or from the initial one, with the same results to the last bit as a stepper made
+        there; the record for `result` is dropped and the inputs are reset. Angles of drives of joints that close loops
+        start within half a turn.
 
         Raises `ArgumentError` for a state of another model.
         """

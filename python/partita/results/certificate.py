@@ -14,6 +14,7 @@ from ..errors import PartitaError
 from ..notebook import lines
 from ..numeric import MaybeNone
 from ..result_view import ResultView
+from .partition_log import switches_of
 from .verdict import Finding, findings_of, of_arrays, of_energy, of_reactions, tolerance, unnoticed, verdict_of
 
 NOTES = 12
@@ -171,7 +172,7 @@ def certify(result: ResultView) -> Certificate:
         sigma_t=sigma_t,
         sqrt_mu=sqrt_mu,
         sqrt_mu_t=sqrt_mu_t,
-        switches=sum(change.is_switch for change in result.partitions),
+        switches=switches_of(result),
         corrections=result.counters.get("corrections", 0),
         notes=tuple(notes),
         **grown,

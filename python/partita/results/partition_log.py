@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..result_view import ResultView
 
 WORDS = {
     "initial": "first choice by the projective measure",
@@ -65,6 +68,12 @@ def partition_changes(raw: Sequence[Mapping[str, Any]], velocities: Sequence[str
         )
         for entry in raw
     ]
+
+
+def switches_of(result: ResultView) -> int:
+    """Switches of independent coordinates, of which a long run lists only some."""
+    listed = sum(change.is_switch for change in result.partitions)
+    return listed + int(result.counters.get("unlisted_switches", 0))
 
 
 def _named(indices: Any, velocities: Sequence[str]) -> tuple[str, ...]:

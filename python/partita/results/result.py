@@ -15,6 +15,7 @@ from ..notebook import names, table
 from ..state import Layout, State, finite_time
 from ..webpage import Page, opened
 from .names import missing_attribute
+from .partition_log import switches_of
 from .run import FloatArray, Run
 from .source import ModelSource
 
@@ -328,4 +329,4 @@ class Result(Run):
 
     @property
     def _switches(self) -> int:
-        return sum(change.is_switch for change in self.partitions)
+        return switches_of(self)

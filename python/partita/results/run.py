@@ -219,7 +219,9 @@ class Run(Motion):
 
     @cached_property
     def partitions(self) -> list[PartitionChange]:
-        """Every choice of independent coordinates, the first one included, in order of time."""
+        """Choices of independent coordinates, the first one included, in order of time: every one up to a thousand, and
+        those in use at the outputs however many there are; `counters["switches"]` counts all, and
+        `counters["unlisted_switches"]` those left out."""
         return partition_changes(self._record.partitions, self.names.velocities)
 
     @property

@@ -68,6 +68,18 @@ class RunSignals:
     def t(self) -> Array:
         return self._run["t"]
 
+    @cached_property
+    def gravity(self) -> Array:
+        """That which is constant, and the varying one by the force on all masses."""
+        spec = json.loads(self._model.description)
+        found = np.tile(np.array(spec["gravity"], dtype=float), (len(self.t), 1))
+        numbers = [i for i, force in enumerate(spec["forces"]) if force["kind"] == "gravity"]
+        light = {force["body"] for force in spec["forces"] if force["kind"] == "weightless"}
+        mass = sum(float(body["mass"]) for body in spec["bodies"] if body["name"] not in light)
+        for number in numbers if mass > 0.0 else ():
+            found = found + np.sum(self._model.load(*self._motion, number)["force"], axis=1) / mass
+        return found
+
     def body(self, name: str) -> Moving:
         if name == "ground":
             at: BodyResult = resting(name, len(self.t))

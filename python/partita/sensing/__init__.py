@@ -12,10 +12,11 @@ from .labels import text_of, unit_of
 from .laws import Senses, at_once
 from .quantities import Moving, Signals, measured
 from .reader import Reader, plain
-from .records import OPERATIONS, READS, SensorRecord, known, uses
+from .records import OF_MOUNTED, OPERATIONS, READS, SensorRecord, known, uses
 
 __all__ = [
     "OPERATIONS",
+    "OF_MOUNTED",
     "READS",
     "Moving",
     "Reader",

@@ -66,6 +66,10 @@ GROUND = Moving(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
 class Unseen:
     """Quantities that are unknown before the forces."""
 
+    @property
+    def gravity(self) -> Array:
+        raise self._unseen("gravity")
+
     def body_acceleration(self, name: str) -> tuple[Array, Array]:
         raise self._unseen(name)
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .records import AT_ONCE, OF_FORCE, Data
+from .records import AT_ONCE, OF_FORCE, OF_MOUNTED, Data
 
 Array = NDArray[Any]
 
@@ -28,6 +28,10 @@ class Signals(Protocol):
     @property
     def t(self) -> Any:
         """Time."""
+
+    @property
+    def gravity(self) -> Array:
+        """Acceleration of gravity (..., 3), world axes."""
 
     def body(self, name: str) -> Moving:
         """A body, or the ground."""
@@ -74,6 +78,11 @@ def point_motion(signals: Signals, body: str, point: Any, reads: str) -> Array:
     return acceleration + _cross(spin, arm) + _cross(at.angular_velocity, _cross(at.angular_velocity, arm))
 
 
+def _of_mounted(signals: Signals, data: Data, point: Any) -> Array:
+    """What a sensor fixed to a body measures at a point: the acceleration less that of gravity."""
+    return _along(signals, data, point_motion(signals, data["body"], point, "acceleration") - signals.gravity)
+
+
 def _along(signals: Signals, data: Data, values: Array) -> Array:
     """A vector in world axes along the requested axes."""
     axes = data.get("axes", "world")
@@ -83,11 +92,15 @@ def _along(signals: Signals, data: Data, values: Array) -> Array:
 
 
 def _of_point(signals: Signals, data: Data) -> Array:
+    if data["reads"] in OF_MOUNTED:
+        return _of_mounted(signals, data, data["point"])
     return _along(signals, data, point_motion(signals, data["body"], data["point"], data["reads"]))
 
 
 def _of_body(signals: Signals, data: Data) -> Array:
     reads, body = data["reads"], data["body"]
+    if reads in OF_MOUNTED:
+        return _of_mounted(signals, data, (0.0, 0.0, 0.0))
     if reads == "rotation":
         return signals.body(body).rotation
     if reads == "angular_velocity":

@@ -12,11 +12,13 @@ from ..numeric import shown
 Data = Mapping[str, Any]
 
 OF_POINT = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+OF_MOUNTED = {"specific_force": "m/s^2"}
+"""Vectors in the axes of the body on which the sensor is mounted, unless others are asked for."""
 OF_TURNING = {"rotation": "1", "angular_velocity": "rad/s", "angular_acceleration": "rad/s^2"}
 OF_FORCE = {"power": "W", "energy": "J"}
 READS: dict[str, dict[str, str]] = {
-    "point": OF_POINT,
-    "body": {**OF_POINT, **OF_TURNING},
+    "point": {**OF_POINT, **OF_MOUNTED},
+    "body": {**OF_POINT, **OF_TURNING, **OF_MOUNTED},
     "joint": {"position": "", "velocity": "", "acceleration": "", "drive": "", "force": "N", "moment": "N m"},
     "measure": {"position": "", "velocity": "", "acceleration": ""},
     "spring": {"length": "m", "rate": "m/s", "force": "N", **OF_FORCE},

@@ -7,7 +7,8 @@ mod reactions;
 mod rows;
 
 pub use checks::checks;
-pub use motion::{bodies, body_accelerations, energies, joint_accelerations, joints, load, BODY, JOINT_POINT};
+pub use motion::{bodies, body_accelerations, counted_potential, energies, joint_accelerations, joints, load};
+pub use motion::{BODY, JOINT_POINT};
 pub use reactions::{augmented, reaction, reactions, shares, JOINT_AXES};
 pub use rows::{tables, tables_on, Rows, Watch};
 

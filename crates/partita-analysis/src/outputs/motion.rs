@@ -131,7 +131,33 @@ pub fn energies(model: &Model, states: &States, watch: Watch) -> Result<Vec<Vec<
         rows.row(1, i)[0] = potential;
         Ok(())
     };
-    tables(states.len(), &[1, 1], chunk_of(model), || Levels::new(model), row, watch)
+    let mut found = tables(states.len(), &[1, 1], chunk_of(model), || Levels::new(model), row, watch)?;
+    for (to, counted) in found[1].iter_mut().zip(counted_potential(model, states, watch)?) {
+        *to += counted;
+    }
+    Ok(found)
+}
+
+/// Potential of one force, if it is a constant effort whose coordinate is counted at outputs.
+fn potential_of(model: &Model, states: &States, i: usize, watch: Watch) -> Result<Option<Vec<f64>>, AnalysisError> {
+    let Some(x) = model.counted_effort(i) else { return Ok(None) };
+    let positions = joints(model, states, &[x.joint], watch)?.swap_remove(0);
+    let width = positions.len() / states.len().max(1);
+    Ok(Some(positions.chunks(width.max(1)).map(|at| -x.effort * at[x.coordinate]).collect()))
+}
+
+/// Potential of all such efforts together; empty where there are none.
+///
+/// # Errors
+/// Those of `watch`.
+pub fn counted_potential(model: &Model, states: &States, watch: Watch) -> Result<Vec<f64>, AnalysisError> {
+    let mut sum: Vec<f64> = Vec::new();
+    for i in 0..model.spec.forces.len() {
+        let Some(one) = potential_of(model, states, i, watch)? else { continue };
+        sum.resize(one.len(), 0.0);
+        sum.iter_mut().zip(one).for_each(|(to, x)| *to += x);
+    }
+    Ok(sum)
 }
 
 /// Accelerations of the origins of the bodies `which`, and angular accelerations, world axes.
@@ -189,6 +215,10 @@ pub fn load(
         Ok(())
     };
     let wide = 3 * bodies;
-    let found = tables(states.len(), &[1, 1, 1, wide, wide, wide], chunk_of(model), || model.scratch(), row, watch)?;
+    let room = || model.scratch();
+    let mut found = tables(states.len(), &[1, 1, 1, wide, wide, wide], chunk_of(model), room, row, watch)?;
+    if let Some(potential) = potential_of(model, states, number, watch)? {
+        found[1] = potential;
+    }
     Ok((found, bodies))
 }

@@ -5,6 +5,7 @@ use super::prepared::Motions;
 use super::verdict::Finding;
 use super::{Request, Run};
 use crate::error::AnalysisError;
+use crate::outputs::{self, States};
 use crate::{plausibility, poses};
 use partita_math::tolerance;
 use partita_model::spec::Spec;
@@ -46,6 +47,13 @@ pub trait Balance: Motions {
     /// # Errors
     /// Errors of user functions.
     fn energies(&self, at: &[&Output], scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError>;
+    /// Potential, at all outputs of a run, of what does work inside it; empty where there is nothing of the kind.
+    ///
+    /// # Errors
+    /// Where an output cannot be evaluated.
+    fn counted_potential(&self, _at: &[Output]) -> Result<Vec<f64>, AnalysisError> {
+        Ok(Vec::new())
+    }
     /// Smallest reference energy of a balance, for this absolute tolerance.
     fn energy_floor(&self, atol: f64) -> f64;
     /// Whether user functions agree with their derivatives at (t, q, v), as far as this is to be checked.
@@ -137,6 +145,17 @@ impl Balance for Model {
             self.energy(x.t, &q, &x.v, scratch)
         };
         at.iter().map(one).collect::<Result<_, _>>().map(Some)
+    }
+
+    fn counted_potential(&self, at: &[Output]) -> Result<Vec<f64>, AnalysisError> {
+        if (0..self.spec.forces.len()).all(|i| self.counted_effort(i).is_none()) {
+            return Ok(Vec::new());
+        }
+        let t: Vec<f64> = at.iter().map(|x| x.t).collect();
+        let whole = |x: &Output| x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)).collect::<Vec<_>>();
+        let q: Vec<f64> = at.iter().flat_map(whole).collect();
+        let v: Vec<f64> = at.iter().flat_map(|x| x.v.iter().copied()).collect();
+        outputs::counted_potential(self, &States { t: &t, q: &q, v: &v }, &mut || Ok(()))
     }
 
     fn energy_floor(&self, atol: f64) -> f64 {

@@ -20,6 +20,7 @@ pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
 use partita_integrate::simulate::{simulate, Outcome, Status};
+use partita_math::formatted;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::record::{FormulationCounters, Gaps, Output};
@@ -61,9 +62,21 @@ fn note_of_crossings(outcome: &Outcome) -> String {
         "{} singular positions of the mechanism were crossed (t = {}); near them the loops were closed in every \
          evaluation, and {} steps were accepted although their error estimate, which was round-off, exceeded the \
          tolerance",
-        outcome.crossings.len(),
-        some(&outcome.crossings, |t| format!("{t:.4}")),
+        outcome.crossings.count(),
+        some(&outcome.crossings.times, |t| format!("{t:.4}")),
         outcome.counters.lenient
+    )
+}
+
+fn note_of_rounding(outcome: &Outcome, request: &Request) -> String {
+    format!(
+        "the tolerance (rtol = {}, atol = {}) is below the rounding of the accelerations in {} of {} steps: a position \
+         changed by one rounding changes them by more; these steps were taken as exact as they can be, and a looser \
+         tolerance has the same result",
+        formatted(request.rtol),
+        formatted(request.atol),
+        outcome.counters.by_rounding,
+        outcome.counters.steps
     )
 }
 
@@ -164,8 +177,11 @@ fn integrated<S: Balance<Scratch: Send>>(
     notes.extend(corrected);
     let reported = f.history();
     notes.extend(reported.notes);
-    if !outcome.crossings.is_empty() {
+    if outcome.crossings.count() > 0 {
         notes.push(note_of_crossings(&outcome));
+    }
+    if outcome.counters.by_rounding > 0 {
+        notes.push(note_of_rounding(&outcome, request));
     }
     let (rows, counters, events, closure_error, gaps) =
         (reported.rows, reported.counters, reported.events, reported.closure_error, reported.gaps);

@@ -1,7 +1,7 @@
 //! Data stored by a run, and the outputs computed from them on request.
 
 use super::verdict::{Finding, Limits};
-use super::{Motions, Recipe};
+use super::{Balance, Motions, Recipe};
 use crate::error::AnalysisError;
 use crate::outputs::{tables, Rows, Watch};
 use partita_system::record::{Gap, Gaps, Output, PartitionEvent, Sample};
@@ -141,6 +141,16 @@ impl SolutionLog {
         };
         described.notes.extend(self.undetermined(system, &described, size.nv)?);
         Ok(described)
+    }
+
+    /// Work since the start of forces without potential and of driven constraints, at all outputs.
+    pub fn work<S: Balance>(&self, system: &S) -> Vec<f64> {
+        let mut work: Vec<f64> = self.outputs.iter().map(|x| x.work).collect();
+        // where an output cannot be evaluated, nothing else about it is known either
+        let counted = system.counted_potential(&self.outputs).unwrap_or_default();
+        let first = counted.first().copied().unwrap_or_default();
+        work.iter_mut().zip(counted).for_each(|(to, x)| *to += x - first);
+        work
     }
 
     /// Findings of a run from the outputs that were described.

@@ -7,13 +7,15 @@ use crate::error::AnalysisError;
 use partita_integrate::counters::Counters;
 use partita_integrate::failure::StepFailure;
 use partita_integrate::march::{Control, March, Outputs};
+use partita_integrate::method::Method;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{explain, Outcome, Status};
 use partita_model::Model;
 use partita_system::formulation::Formulation;
 use partita_system::positions::turns;
-use partita_system::record::{Gaps, Output, StepChecks};
+use partita_system::record::{Crossings, Gaps, Output, StepChecks};
 use partita_system::{SystemError, SystemRef};
+use std::mem;
 use std::ops::ControlFlow;
 
 /// Parts of a tick that the time must resolve where it begins. Unit: number. Reason: a step is as exact as its two times.
@@ -33,11 +35,26 @@ fn resolved(t: f64, length: f64) -> Result<(), AnalysisError> {
     Err(AnalysisError::Argument { argument: "dt", message })
 }
 
+/// What advances a formulation by ticks of this length, in so many steps each.
+fn ticking<F: Formulation>(
+    formulation: &F,
+    coordinates: usize,
+    method: &'static dyn Method,
+    (length, steps): (f64, u32),
+) -> Result<March, AnalysisError> {
+    let options = Options { fixed_step: Some(length / f64::from(steps)), ..Options::default() };
+    March::new(formulation, coordinates, method, options, Control::Ticks { steps })
+        .map_err(|e| AnalysisError::Argument { argument: "dt", message: e.to_string() })
+}
+
 /// A motion between two ticks.
 pub struct Stepping<'s> {
     system: SystemRef<'s, Model>,
     formulation: Box<dyn Formulation + Send + 's>,
     march: March,
+    /// Method, and steps of it in a tick.
+    method: &'static dyn Method,
+    substeps: u32,
     /// Length of a tick, when the first one began, and ticks since.
     length: f64,
     origin: f64,
@@ -84,15 +101,15 @@ impl<'s> Stepping<'s> {
             return Err(AnalysisError::Argument { argument: "dt", message: CANNOT_MOVE.into() });
         }
         let Prepared { formulation, recipe, settings, limits, notes, singular_start, corrected, q, v, .. } = prepared;
-        let options = Options { fixed_step: Some(length / f64::from(steps)), ..Options::default() };
-        let march = March::new(&formulation, q.len(), settings.method, options, Control::Ticks { steps })
-            .map_err(|e| AnalysisError::Argument { argument: "dt", message: e.to_string() })?;
+        let march = ticking(&formulation, q.len(), settings.method, (length, steps))?;
         let now = Output { turns: vec![0; q.len()], ..Output::default() };
         let kept = keeps.then(Vec::new);
         let mut stepping = Self {
             system,
             formulation,
             march,
+            method: settings.method,
+            substeps: steps,
             length,
             origin: t,
             count: 0,
@@ -110,11 +127,11 @@ impl<'s> Stepping<'s> {
             gaps: Gaps::default(),
             checks: StepChecks::default(),
         };
-        stepping.start_at((t, &q, &v), singular_start, &mut || ())?;
+        stepping.start_at((t, &q, &v), singular_start)?;
         Ok(stepping)
     }
 
-    /// Restart at a closed state, without history.
+    /// Restart at a closed state, without history: as a stepper made there.
     ///
     /// # Errors
     /// Where the motion cannot start; then the state is unchanged, and `undo` has restored the inputs.
@@ -133,10 +150,22 @@ impl<'s> Stepping<'s> {
             );
             Err(SystemError::Tick { t, message }.into())
         });
+        // a choice of coordinates, its order and its scales follow from the motion before
+        let entry = entry.and_then(|entry| {
+            let formulation = recipe.make(self.system.clone())?;
+            let march = ticking(&formulation, entry.q.len(), self.method, (self.length, self.substeps))?;
+            Ok((entry, formulation, march))
+        });
         match entry {
-            Ok(Entry { looked, q, v, corrected }) => {
-                self.start_at((t, &q, &v), looked.singular_start, undo)?;
-                self.corrected = corrected;
+            Ok((Entry { looked, q, v, corrected }, formulation, march)) => {
+                let before = (mem::replace(&mut self.formulation, formulation), mem::replace(&mut self.march, march));
+                let begun = self.start_at((t, &q, &v), looked.singular_start);
+                if begun.is_err() {
+                    (self.formulation, self.march) = before;
+                    undo();
+                    return begun;
+                }
+                (self.corrected, self.steps) = (corrected, 0);
                 Ok(())
             }
             Err(e) => {
@@ -146,12 +175,11 @@ impl<'s> Stepping<'s> {
         }
     }
 
-    /// See `begin`; at an examined position.
+    /// See `begin`; at an examined position. Where the motion cannot start, nothing but the formulation has changed.
     fn start_at(
         &mut self,
         (t, q, v): (f64, &[f64], &[f64]),
         mut singular_start: Option<BranchStart<'s, Model>>,
-        undo: &mut dyn FnMut(),
     ) -> Result<(), AnalysisError> {
         let zero = vec![0; q.len()];
         let mut now = Output { turns: zero, ..Output::default() };
@@ -165,29 +193,20 @@ impl<'s> Stepping<'s> {
                 begun.and_then(|()| x.step.output(t, &mut now))
             }
         };
-        match begun {
-            Ok(()) => {
-                self.now = now;
-                self.work = singular_start.as_ref().map_or(0.0, |x| x.step.work);
-                self.departed = singular_start.as_ref().map(|x| x.note.clone());
-                self.singular_start = singular_start;
-                (self.gaps, self.checks) = (Gaps::default(), StepChecks::default());
-                (self.origin, self.count) = (t, 0);
-                self.formulation.forget_gaps();
-                if let Some(kept) = &mut self.kept {
-                    kept.clear();
-                    kept.push(self.now.clone());
-                }
-                Ok(())
-            }
-            Err(e) => {
-                undo();
-                if !self.now.q.is_empty() {
-                    self.back()?;
-                }
-                Err(e.into())
-            }
+        begun?;
+        self.now = now;
+        self.work = singular_start.as_ref().map_or(0.0, |x| x.step.work);
+        self.departed = singular_start.as_ref().map(|x| x.note.clone());
+        self.singular_start = singular_start;
+        (self.gaps, self.checks) = (Gaps::default(), StepChecks::default());
+        (self.origin, self.count) = (t, 0);
+        self.formulation.forget_gaps();
+        if let Some(kept) = &mut self.kept {
+            kept.clear();
+            kept.push(self.now.clone());
+            self.formulation.keep_choice();
         }
+        Ok(())
     }
 
     /// Restore the state before a tick or a start that failed.
@@ -233,6 +252,7 @@ impl<'s> Stepping<'s> {
                     self.checks.raise(&self.formulation.checks());
                     if let Some(kept) = &mut self.kept {
                         kept.push(self.now.clone());
+                        self.formulation.keep_choice();
                     }
                     return Ok(());
                 }
@@ -298,7 +318,7 @@ impl<'s> Stepping<'s> {
             message: format!("stepped to t = {}", self.now.t),
             t: self.now.t,
             counters: Counters { steps: self.steps, ..Counters::default() },
-            crossings: Vec::new(),
+            crossings: Crossings::default(),
             error: None,
         };
         let mut notes = self.notes.clone();

@@ -296,7 +296,7 @@ fn of_energies<S: Balance>(
 
 /// Steps accepted beyond the tolerance: reported where no singular position explains them.
 pub fn of_steps(outcome: &Outcome, found: &mut Vec<Finding>) {
-    let (lenient, crossings) = (outcome.counters.lenient, outcome.crossings.len() as u64);
+    let (lenient, crossings) = (outcome.counters.lenient, outcome.crossings.count());
     let explained = LENIENT_EACH * crossings.max(1);
     if lenient > explained {
         found.push(Finding {
@@ -318,6 +318,7 @@ mod tests {
     use partita_integrate::counters::Counters;
     use partita_integrate::simulate::Status;
     use partita_model::spec::JointKind::Revolute;
+    use partita_system::record::Crossings;
 
     fn asked(correction: &str, rtol: f64) -> Request {
         let text = format!(
@@ -359,7 +360,8 @@ mod tests {
     fn steps_beyond_the_tolerance_from_both_sides() {
         let found = |lenient: u64, crossings: usize| {
             let counters = Counters { steps: 100, lenient, ..Counters::default() };
-            let (message, crossings) = (String::new(), vec![0.5; crossings]);
+            let times = vec![0.5; crossings];
+            let (message, crossings) = (String::new(), Crossings { times, ..Crossings::default() });
             let outcome = Outcome { status: Status::Finished, message, t: 1.0, counters, crossings, error: None };
             let mut found = Vec::new();
             of_steps(&outcome, &mut found);

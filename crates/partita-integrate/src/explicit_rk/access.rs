@@ -79,6 +79,9 @@ impl StepControl for ExplicitRungeKutta {
         self.phase = Phase::Ready;
         self.goal = None;
         self.counters.steps += 1;
+        self.counters.by_rounding += u64::from(self.by_rounding);
+        self.rounding.taken(self.by_rounding);
+        self.judge_anew();
         match &mut self.grid {
             Some(grid) => {
                 grid.reached(self.t_old);
@@ -119,7 +122,15 @@ impl StepControl for ExplicitRungeKutta {
 }
 
 impl ExplicitRungeKutta {
+    /// The next step is judged by the tolerance alone again.
+    fn judge_anew(&mut self) {
+        if std::mem::take(&mut self.by_rounding) {
+            self.norm.set_floor(None, self.attempted_h);
+        }
+    }
+
     fn throw_away(&mut self) {
+        self.judge_anew();
         self.dense.ready = false;
         self.phase = Phase::Ready;
         self.counters.rejected += 1;

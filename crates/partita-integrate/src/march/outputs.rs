@@ -41,6 +41,7 @@ impl March {
     ) -> Result<(), SystemError> {
         while outputs.t_eval.get(outputs.next).is_some_and(|t| *t <= self.t) {
             formulation.state_at(self.t, &self.y, &mut self.output)?;
+            formulation.keep_choice();
             (outputs.sink)(&self.output)?;
             outputs.next += 1;
         }
@@ -116,6 +117,7 @@ impl March {
             let done = self.output_at(formulation, t, &mut y);
             self.buffer = y;
             done?;
+            formulation.keep_choice();
             (outputs.sink)(&self.output).map_err(|error| StepFailure::Rhs { t, error })?;
             outputs.next += 1;
         }

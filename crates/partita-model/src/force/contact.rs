@@ -61,6 +61,20 @@ impl<G: Space<S = f64>> Contact<G> {
         }
     }
 
+    /// Speed of one surface along the other where they touch.
+    pub(crate) fn slip(&self, at: &At<G>) -> f64 {
+        let (one, two) = (&self.centre.attachment, &self.other.attachment);
+        let centre = at.spot(&self.centre);
+        let apart = centre - at.spot(&self.other);
+        let normal = match self.surface {
+            Surface::Plane(n) => at.axes(two.link).apply(n),
+            Surface::Sphere(_) => apart.direction(),
+        };
+        let point = centre - normal.times(self.radius);
+        let slip = at.moving(one.link, point) - at.moving(two.link, point);
+        (slip - normal.times(normal.dot(slip))).norm()
+    }
+
     /// The gap of spheres that overlap almost entirely, and the message for it.
     pub(crate) fn passed_through(&self) -> Option<(f64, String)> {
         let Surface::Sphere(radius) = self.surface else { return None };

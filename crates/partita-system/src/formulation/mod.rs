@@ -5,7 +5,7 @@ pub mod registry;
 
 use crate::breakpoints::Passing;
 use crate::guards::Look;
-use crate::record::{Gaps, History, Output, PartitionEvent, Sample, StepChecks};
+use crate::record::{Crossings, Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 
 use crate::error::{Result, SystemError};
 pub use crate::record::Verdict;
@@ -83,8 +83,8 @@ pub trait FormulationSteps {
     }
     /// The record so far.
     fn history(&self) -> History;
-    /// Times of singular positions that were crossed.
-    fn crossings(&self) -> Vec<f64> {
+    /// Singular positions that were crossed.
+    fn crossings(&self) -> Crossings {
         self.history().crossings
     }
     /// Constraint violations at the ends of steps since the start; allocates nothing.
@@ -200,6 +200,8 @@ pub trait Formulation: FormulationSteps + SingularSteps + PrescribedRows {
     }
     /// Closed position, velocities and work at (t, y), y near the motion; about the cost of an evaluation.
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()>;
+    /// An output that is kept uses the present choice: the record lists it.
+    fn keep_choice(&mut self) {}
     /// Whether an output that was computed from others is closed within these limits: positions relative to their sizes,
     /// rates to the fastest. One that is accepted is counted by the checks.
     fn accept_output(&mut self, _at: &Output, _within: (f64, f64)) -> Result<bool> {
@@ -251,7 +253,7 @@ impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
     fn history(&self) -> History {
         (**self).history()
     }
-    fn crossings(&self) -> Vec<f64> {
+    fn crossings(&self) -> Crossings {
         (**self).crossings()
     }
     fn gaps(&self) -> Gaps {
@@ -320,6 +322,9 @@ impl<F: Formulation + ?Sized> Formulation for Box<F> {
     #[inline]
     fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         (**self).derivative(t, y, dy)
+    }
+    fn keep_choice(&mut self) {
+        (**self).keep_choice();
     }
     fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
         (**self).state_at(t, y, out)

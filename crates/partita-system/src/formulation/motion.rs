@@ -329,6 +329,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         Ok(())
     }
+    fn keep_choice(&mut self) {
+        self.tangent.base_mut().keep_choice();
+    }
     fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool> {
         self.moved = true;
         let r = self.tangent.reduction();

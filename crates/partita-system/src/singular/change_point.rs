@@ -1,5 +1,6 @@
 //! Change points foreseen and stepped over.
 
+use crate::record::Crossings;
 use partita_math::tolerance;
 
 /// How an integration continues: its plan for the next step.
@@ -55,7 +56,7 @@ pub struct Crossing {
     /// Singular position that no step crossed, perhaps a limit of the motion; ordinary steps go on towards it.
     barred: Option<f64>,
     /// Times stepped over.
-    pub times: Vec<f64>,
+    pub times: Crossings,
 }
 
 impl Default for Crossing {
@@ -73,7 +74,7 @@ impl Default for Crossing {
             returns: 0,
             tried: None,
             barred: None,
-            times: Vec::new(),
+            times: Crossings::default(),
         }
     }
 }
@@ -130,7 +131,7 @@ impl Crossing {
         }
         let foreseen = self.planned.take().filter(|zero| *zero < t);
         match located {
-            Some(zeros) if !zeros.is_empty() => self.times.extend_from_slice(zeros),
+            Some(zeros) if !zeros.is_empty() => zeros.iter().for_each(|zero| self.times.push(*zero)),
             // two that coincide change no sign: where they were not searched for they count when the step after them has
             // changed none either
             _ => match flip.or(self.unsigned.take()) {

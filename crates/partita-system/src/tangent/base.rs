@@ -1,7 +1,7 @@
 //! Common part of all tangents: the levels of the system with their rows, and the choices so far.
 
 use crate::error::Result;
-use crate::record::{FormulationCounters, History, PartitionEvent};
+use crate::record::{ChoiceLog, FormulationCounters, History, PartitionEvent};
 use crate::reduction::Reduction;
 use crate::system::ConstrainedSystem;
 use partita_math::dense;
@@ -13,7 +13,7 @@ pub(super) const PERIOD: u32 = 8;
 pub struct Base<'s, S: ConstrainedSystem> {
     /// The levels at the point last evaluated. D, γ, δ, M_d and u' of any tangent are stored here.
     pub r: Reduction<'s, S>,
-    pub(super) events: Vec<PartitionEvent>,
+    pub(super) choices: ChoiceLog,
     pub(super) switches: u64,
     /// Whether among redundant rows others serve better.
     pub(super) fading: bool,
@@ -26,12 +26,17 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     pub(super) fn new(r: Reduction<'s, S>) -> Self {
         let n = r.size().nv;
         let (vdot, residual) = (vec![0.0; n], vec![0.0; n]);
-        Self { r, events: Vec::new(), switches: 0, fading: false, steps_since_scales: 0, vdot, residual }
+        Self { r, choices: ChoiceLog::default(), switches: 0, fading: false, steps_since_scales: 0, vdot, residual }
     }
 
     /// Choices so far.
     pub fn events(&self) -> &[PartitionEvent] {
-        &self.events
+        &self.choices.events
+    }
+
+    /// An output that is kept uses the present choice.
+    pub fn keep_choice(&mut self) {
+        self.choices.keep();
     }
 
     /// Whether nothing is chosen.
@@ -57,7 +62,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     pub(super) fn log_evaluated(&mut self, t: f64, q: &[f64], before: &[usize], reason: String) -> Result<()> {
         let quality = self.r.quality(t, q)?;
         let p = &self.r.partition;
-        self.events.push(PartitionEvent::new(t, before, &p.independent, &p.dependent, reason, quality));
+        self.choices.record(PartitionEvent::new(t, before, &p.independent, &p.dependent, reason, quality));
         Ok(())
     }
 
@@ -100,8 +105,18 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     /// Choices, rows and counts of a run.
     pub fn report(&self, history: &mut History) {
         let (factorisations, plans, switches) = (self.r.factorisations, self.r.plans, self.switches);
-        history.counters = FormulationCounters { factorisations, plans, switches, ..FormulationCounters::default() };
-        history.events.clone_from(&self.events);
+        let unlisted_switches = self.choices.unlisted_switches;
+        let none = FormulationCounters::default();
+        history.counters = FormulationCounters { factorisations, plans, switches, unlisted_switches, ..none };
+        history.events.clone_from(&self.choices.events);
+        if self.choices.unlisted > 0 {
+            history.notes.push(format!(
+                "{} of {} choices of coordinates are counted, but not listed: the first ones are, and those in use at \
+                 outputs; ask for more outputs to see more",
+                self.choices.unlisted,
+                self.choices.unlisted + self.choices.events.len() as u64
+            ));
+        }
         history.rows.clone_from(&self.r.partition.rows);
         history.rows.sort_unstable();
     }

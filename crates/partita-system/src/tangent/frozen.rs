@@ -117,7 +117,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         let reason = reason(self.fresh.sqrt_mu);
         // the reported choice is the best one of coordinates; nothing enters or leaves
         let named = PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, self.fresh);
-        self.base.events.push(PartitionEvent { basis, ..named });
+        self.base.choices.record(PartitionEvent { basis, ..named });
         Ok(())
     }
 

@@ -148,7 +148,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
     }
     fn resume(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.start(t, q, v)?;
-        if let Some(event) = self.base.events.last_mut() {
+        if let Some(event) = self.base.choices.events.last_mut() {
             event.reason = "returned to this time to cross a singular position from farther away".into();
         }
         Ok(())

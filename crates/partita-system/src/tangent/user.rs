@@ -15,7 +15,7 @@ use super::{Base, TangentChoice, TangentClosing, TangentLevels};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::TangentMap;
-use crate::record::{Correction, History, Output, PartitionEvent, Sample};
+use crate::record::{ChoiceLog, Correction, History, Output, PartitionEvent, Sample};
 use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
@@ -297,7 +297,8 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
         let (r, named) = (&self.base.r, "the event lists the best choice of coordinates at this time");
         let reason = format!("the user's tangent velocities are integrated; {named}");
         let (p, quality) = (&r.partition, quality_of_exact(&r.md, r.k()));
-        self.base.events = vec![PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, quality)];
+        self.base.choices = ChoiceLog::default();
+        self.base.choices.record(PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, quality));
         Ok(())
     }
     fn describe(

@@ -67,8 +67,8 @@ fn chains_pass_all_their_singular_positions_on_their_branch() {
                 assert!(error <= 1e5 * rtol, "{case}: error {error:.2e}");
                 // round-off of lengths of 1 m
                 assert!(last.1 <= 1e-13, "{case}: closure {:.2e}", last.1);
-                passed += outcome.crossings.len();
-                let angles = upright_angle(loops, rate, &outcome.crossings);
+                passed += outcome.crossings.times.len();
+                let angles = upright_angle(loops, rate, &outcome.crossings.times);
                 dated.extend(angles.iter().map(|angle| angle.cos().abs()));
             }
         }

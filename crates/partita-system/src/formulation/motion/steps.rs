@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::formulation::{FormulationSteps, SingularSteps, Step, Verdict};
 use crate::guards::Look;
 use crate::positions::Positions;
-use crate::record::{Gaps, History, StepChecks};
+use crate::record::{Crossings, Gaps, History, StepChecks};
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::{Occasion, Tangent};
 use partita_math::tolerance;
@@ -189,7 +189,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
         self.conclude(verdict, step)
     }
-    fn crossings(&self) -> Vec<f64> {
+    fn crossings(&self) -> Crossings {
         self.monitor.crossing.times.clone()
     }
     fn gaps(&self) -> Gaps {
