@@ -18,8 +18,8 @@ DESCRIBED = """
 import hashlib, json, logging
 logging.getLogger("partita").setLevel(logging.ERROR)
 import partita as pt
-made = {name: pt.catalogue.load(name) for name in pt.catalogue.names()}
-print(json.dumps({name: hashlib.sha256(json.dumps(m.to_spec(), default=str).encode()).hexdigest() for name, m in made.items()}))
+made = {name: json.dumps(pt.catalogue.load(name).to_spec(), default=str) for name in pt.catalogue.names()}
+print(json.dumps({name: hashlib.sha256(text.encode()).hexdigest() for name, text in made.items()}))
 """
 
 

@@ -329,7 +329,7 @@ class Pose:
         self._note(float(found.error.max()), t)
         slides = [(float(here[i]), float(found.first[i]), float(found.second[i])) for i in range(self.slides)]
         rate, bend = (part[self.slides :].reshape(3, 3) for part in (found.first, found.second))
-        return slides, (matrix, _axial(matrix.T @ rate), _axial(matrix.T @ bend))
+        return slides, (matrix, _axial(matmul(matrix.T, rate)), _axial(matmul(matrix.T, bend)))
 
     def _numbers(self, t: float) -> Array:
         """Position and matrix."""
