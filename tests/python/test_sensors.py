@@ -694,3 +694,19 @@ def test_an_imu_is_refused_whole_and_read_from_files_and_steppers(tmp_path: Path
     m.add_torque(next(iter(m.joints)), lambda t, state: state.sensor("imu specific force")[0], name="wrong")
     with pytest.raises(ArgumentError, match="reads an acceleration"):
         m.simulate(0.1)
+
+
+def test_sensors_with_long_names_are_stored_for_matlab(tmp_path: Path) -> None:
+    """MATLAB reads 63 characters of a name; two that differ behind them stay two, in every format."""
+    m = full()
+    long = "the_distance_of_the_tool_of_the_left_arm_from_the_plane_of_the_table_"
+    for ending in ("a", "b", "name"):
+        m.add_sensor(long + ending, ["tip"], function=lambda t, x: x[:2])
+    run = m.simulate(0.1)
+    for name in ("x.mat", "x.json", "x.nc"):
+        run.save(tmp_path / name)
+        again = pt.load_result(tmp_path / name)
+        for ending in ("a", "b", "name"):
+            assert np.array_equal(again.sensor(long + ending).values, run.sensor(long + ending).values)
+    variables = [item["variable"] for item in run.summary["sensors"]]
+    assert len(set(variables)) == len(variables) and max(map(len, variables)) <= 53

@@ -10,7 +10,7 @@ pub use checks::checks;
 pub use motion::{bodies, body_accelerations, counted_potential, energies, joint_accelerations, joints, load};
 pub use motion::{BODY, JOINT_POINT};
 pub use reactions::{augmented, reaction, reactions, shares, JOINT_AXES};
-pub use rows::{tables, tables_on, Rows, Watch};
+pub use rows::{tables, tables_on, whole, Rows, Watch};
 
 use partita_model::Model;
 use partita_system::prelude::*;

@@ -4,7 +4,6 @@ use crate::manifold::scaled::Scaled;
 use crate::manifold::truncated::{Cut, Motions, Truncated};
 use crate::manifold::{Ending, Room};
 use crate::system::{ConstrainedSystem, SystemError};
-use partita_math::dense::Matrix;
 use partita_math::factor::{svd, svd_full};
 
 /// Result of a closing.
@@ -13,16 +12,6 @@ pub struct Closed {
     pub closure_error: f64,
     /// The displacement, in characteristic displacements, summed over the iterations.
     pub moved: Vec<f64>,
-}
-
-/// Null spaces of C at one position.
-pub struct Nulls {
-    /// Singular values, descending.
-    pub values: Vec<f64>,
-    /// Motions free of all rows, in characteristic displacements.
-    pub motions: Vec<Vec<f64>>,
-    /// Self-stresses: combinations of rows, relative to their sizes, that do no work on any motion.
-    pub stresses: Vec<Vec<f64>>,
 }
 
 /// The loop closures of a system, drives released, at time t.
@@ -69,18 +58,13 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         self.closings.open_at(q)
     }
 
-    /// Singular values at q, and both null spaces.
-    pub fn nulls(&mut self, q: &[f64], cut: Cut) -> Result<Nulls, SystemError> {
+    /// Self-stresses at q: orthonormal combinations of rows, relative to their sizes, that do no work on any motion. By
+    /// singular values: with those of a pivoted QR changes of rounded sheets do not converge.
+    pub fn stresses(&mut self, q: &[f64], cut: Cut) -> Result<Vec<Vec<f64>>, SystemError> {
         let (_, c) = self.closings.look(q)?;
-        let (rows, n) = (c.rows(), c.cols());
-        let Ok(f) = svd_full(&c) else { return Ok(Nulls { values: vec![0.0], motions: vec![], stresses: vec![] }) };
-        let rank = cut.count(&f.s);
-        let column = |x: &Matrix, j: usize| (0..x.rows()).map(|i| x[(i, j)]).collect::<Vec<f64>>();
-        Ok(Nulls {
-            motions: (rank..n).map(|j| column(&f.v, j)).collect(),
-            stresses: (rank..rows).map(|j| column(&f.u, j)).collect(),
-            values: f.s,
-        })
+        let Ok(f) = svd_full(&c) else { return Ok(Vec::new()) };
+        let column = |j: usize| (0..f.u.rows()).map(|i| f.u[(i, j)]).collect();
+        Ok((cut.count(&f.s)..f.u.cols()).map(column).collect())
     }
 
     /// Singular values at q, descending.
