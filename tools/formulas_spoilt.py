@@ -560,8 +560,8 @@ FORMULAS = (
         "time-of-a-passage",
         "singular positions are dated at the ends of the steps that crossed them",
         f"{SYSTEM}/singular/change_point.rs",
-        "self.times.extend_from_slice(zeros)",
-        "self.times.extend(zeros.iter().map(|_| t))",
+        "zeros.iter().for_each(|zero| self.times.push(*zero))",
+        "zeros.iter().for_each(|_| self.times.push(t))",
         ("whole motion::crossings",),
     ),
     Error(

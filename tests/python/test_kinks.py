@@ -22,6 +22,12 @@ def test_jumps_are_refused_by_name_and_time_and_the_others_are_right(seed: int) 
     assert found.outcome == "right", found.words
 
 
+@pytest.mark.parametrize("seed", [7, 13, 18, 35, 38, 48, 60, 124])
+def test_the_same_holds_for_functions_that_only_python_can_evaluate(seed: int) -> None:
+    found = trial(seed, opaque=True)
+    assert found.outcome == "right", found.words
+
+
 @pytest.mark.parametrize(
     ("added", "words"),
     [

@@ -17,7 +17,7 @@ use crate::dense_output::DenseOutput;
 use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
-use crate::rounding::SlopeRounding;
+use crate::rounding::{SlopeRounding, PAIRS, SIDES};
 use crate::step_size::{controller, ErrorNorm, StepController};
 use crate::stepper::{Conclusion, StepEnd, Stepper};
 use crate::tableau::{ErrorWeights, Tableau};
@@ -270,13 +270,19 @@ impl ExplicitRungeKutta {
     /// Measure the rounding of the slopes at the start of the step. Where that is impossible it stays unknown.
     fn measure_rounding<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) {
         let dim = self.dim;
-        self.rounding.beside(&self.y_old, self.norm.sizes(), &mut self.y_stage);
         self.y_stage[dim..].fill(0.0);
-        self.rounding.slopes.fill(0.0);
-        self.counters.evaluations += 1;
-        match ode.rhs(self.t_old, &self.y_stage[..dim], &mut self.rounding.slopes[..dim]) {
-            Ok(()) => self.rounding.measured(&self.stages[..self.stride]),
-            Err(_) => self.rounding.forget(),
+        for pair in 0..PAIRS {
+            self.rounding.begin(pair, &self.stages[..self.stride]);
+            for (side, weight) in SIDES {
+                SlopeRounding::move_beside(pair, side, &self.y_old, self.norm.sizes(), &mut self.y_stage[..dim]);
+                self.counters.evaluations += 1;
+                if ode.rhs(self.t_old, &self.y_stage[..dim], &mut self.rounding.beside[..dim]).is_err() {
+                    self.rounding.forget();
+                    return;
+                }
+                self.rounding.add(weight);
+            }
+            self.rounding.end();
         }
     }
 

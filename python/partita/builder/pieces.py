@@ -56,6 +56,10 @@ _CHAIN = 16
 """Halvings in search of a break until a smooth piece beyond it must have begun."""
 _PARTS = 32
 """Parts of a first interval: an eighth of a second at first."""
+_NEAR = (0.5, 0.1, 0.02)
+"""Lengths of the pieces next to a break, as fractions of those from which it was found: the first that are smooth."""
+_PASSES, _NARROWER = 3, 1e-3
+"""Searches with such pieces, as long as each narrows the place that much: continued less far, they see more."""
 _KEPT = 4096
 """Pieces that are kept; beyond, all are found anew when they are asked for."""
 
@@ -233,19 +237,32 @@ class Pieces:
         found = self._changed(sides, begin, end)
         if found is None:
             return None
-        lengths = [0.5 * (side.end - side.begin) for side in sides]
-        near = (
-            self._piece(max(piece.begin, found.begin - lengths[0]), found.begin, piece),
-            self._piece(found.end, min(piece.end, found.end + lengths[1]), piece),
-        )
-        if near[0].smooth and near[1].smooth:
+        for _ in range(_PASSES):
+            width = found.end - found.begin
+            near = self._beside(piece, sides, found)
+            if near is None:
+                break
             sides, found = near, self._changed(near, found.begin, found.end)
-        if found is None:
-            return None
+            if found is None:
+                return None
+            if not found.both or found.end - found.begin > _NARROWER * width:
+                break
         if not found.both:
             return found.begin, found.end
         place = _crossing(*sides, 0.5 * (found.begin + found.end), (found.begin, found.end))
         return place, place
+
+    def _beside(self, piece: Piece, sides: tuple[Piece, Piece], found: _Change) -> tuple[Piece, Piece] | None:
+        """The longest smooth pieces that end next to a place, of the lengths that are tried."""
+        lengths = [side.end - side.begin for side in sides]
+        for part in _NEAR:
+            near = (
+                self._piece(max(piece.begin, found.begin - part * lengths[0]), found.begin, piece),
+                self._piece(found.end, min(piece.end, found.end + part * lengths[1]), piece),
+            )
+            if near[0].smooth and near[1].smooth:
+                return near
+        return None
 
     def _changed(self, sides: tuple[Piece, Piece], begin: float, end: float) -> _Change | None:
         """Where a function follows the one of two pieces no longer and the other one already. None where it follows
@@ -369,7 +386,7 @@ def _crossing(left: Piece, right: Piece, near: float, within: tuple[float, float
             if apart[order, most] == 0.0:
                 break
             t -= float(apart[order - 1, most] / apart[order, most])
-            if not within[0] <= t <= within[1]:
+            if abs(t - near) > within[1] - within[0]:
                 break
         else:
             return t

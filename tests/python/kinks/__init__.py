@@ -116,8 +116,8 @@ def _driven(where: str, law: Callable[[Any], Any]) -> pt.Mechanism:
     return m
 
 
-def trial(seed: int) -> Found:
-    """One motion by chance: what became of it."""
+def trial(seed: int, opaque: bool = False) -> Found:
+    """One motion by chance: what became of it. `opaque`: prescribed by a function that only Python can evaluate."""
     rng = np.random.default_rng(seed)
     where, kind = str(rng.choice(WHERE)), str(rng.choice(NOT_SMOOTH))
     power = NOT_SMOOTH.index(kind)
@@ -138,7 +138,7 @@ def trial(seed: int) -> Found:
     case = f"seed {seed}: {where}, {kind} jumps by {size:.2e} at {law.at:.6g}, {form}, {options['coordinates']}"
     if where in ("cam free", "bead"):
         return _free(where, kind, law, options, case, float(rng.uniform(1.1, 2.0)))
-    m, joint = _driven(where, law), "A"
+    m, joint = _driven(where, (lambda x: float(law(float(x)))) if opaque else law), "A"
     run = m.simulate(END, t_eval=np.linspace(0.0, END, 21), **options)
     if kind != "second":
         t = law.at

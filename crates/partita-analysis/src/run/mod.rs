@@ -70,8 +70,8 @@ fn note_of_crossings(outcome: &Outcome) -> String {
 
 fn note_of_rounding(outcome: &Outcome, request: &Request) -> String {
     format!(
-        "the tolerance (rtol = {}, atol = {}) is below the rounding of the accelerations in {} of {} steps: a position \
-         changed by one rounding changes them by more; these steps were taken as exact as they can be, and a looser \
+        "the tolerance (rtol = {}, atol = {}) is below the rounding of the accelerations in {} of {} steps, as stiff \
+         forces have it; these steps were taken as exact as they can be, and a looser \
          tolerance has the same result",
         formatted(request.rtol),
         formatted(request.atol),
