@@ -1,6 +1,7 @@
 """Families of equilibria, preloads, and all equilibria of a mechanism: closed forms and independent solvers."""
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -451,3 +452,114 @@ def test_drives_that_rest_but_accelerate_have_no_equilibrium() -> None:
     m.drives["drive of S"].change(position=0.1)
     assert m.equilibrium().state.position("A") == pytest.approx(0.0, abs=1e-9)
     assert m.linearize(m.equilibrium().state).steady
+
+
+def pressed_on_a_stop(mass: float, length: float, drawn: float, exponent: float, stiffness: float = 2000.0) -> Any:
+    """A pendulum between compliant stops, and the effort along its angle."""
+    m = pt.Mechanism("pendulum")
+    m.add_rod("bar", start=(0, 0, 0), end=(length * math.cos(drawn), length * math.sin(drawn), 0), mass=mass)
+    m.add_revolute("A", m.ground, "bar", point=(0, 0, 0))
+    m.add_stop("A", lower=-0.5, upper=0.15, stiffness=stiffness, exponent=exponent)
+
+    def effort(angle: float) -> float:
+        stop = stiffness * (max(-0.5 - angle, 0.0) ** exponent - max(angle - 0.15, 0.0) ** exponent)
+        return -mass * 9.81 * length / 2 * math.cos(angle + drawn) + stop
+
+    return m, effort
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_what_rests_on_a_stop_is_found_without_asking_for_stability(coordinates: str) -> None:
+    """Newton's method knows nothing of a stop before it touches it: forces lead on from where they are least."""
+    for mass, length, drawn, exponent, low, high in (
+        (4.106, 0.389, 0.538, 2.0, -1.0, -0.5),
+        (1.764, 0.774, 2.508, 1.5, 0.15, 0.5),
+        (0.899, 0.359, 2.301, 1.0, 0.15, 0.5),
+        (4.106, 0.389, math.pi - 0.538, 2.0, 0.15, 1.0),
+    ):
+        m, effort = pressed_on_a_stop(mass, length, drawn, exponent)
+        found = m.equilibrium(m.assemble(coordinates=coordinates), coordinates=coordinates)
+        assert found.stable
+        assert found.state.position("A") == pytest.approx(brentq(effort, low, high), abs=1e-9)
+    m, _ = pressed_on_a_stop(4.106, 0.389, 0.538, 2.0)
+    assert m.equilibrium().state.position("A") == pytest.approx(-0.562578, abs=1e-6)
+    # nothing holds a slide that is pushed: still refused, and at once
+    slide = pt.Mechanism("slide")
+    slide.add_body("block", mass=1.0, inertia=(1, 1, 1))
+    slide.add_prismatic("S", slide.ground, "block", axis=(0, 1, 0))
+    with pytest.raises(ArgumentError, match="no equilibrium was found"):
+        slide.equilibrium()
+
+
+@pytest.mark.parametrize(
+    "values", [(-3.0, -1.0, 0.0, 1.0, 3.0), (3.0, 1.0, 0.0, -1.0, -3.0), (0.0, -4.0, 4.0, 1.0, 2.0)]
+)
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_family_over_a_torque_closes_after_a_turn(values: tuple[float, ...], coordinates: str) -> None:
+    """m g l / 2 cos(angle) = torque, twice on each turn; a damper winds up nothing, a torsion spring does."""
+    m = pt.Mechanism("pendulum")
+    m.add_rod("bar", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, "bar", point=(0, 0, 0))
+    m.add_torque("A", 0.0, name="T")
+    m.add_torsion_spring("A", stiffness=0.0, damping=0.3, name="damper")
+    path = m.equilibrium(along={"T.value": values}, coordinates=coordinates)
+    assert sorted(abs(fold.value) for fold in path.folds) == pytest.approx([4.905, 4.905], rel=1e-9)
+    assert path.ends[1] == "it comes back to its start" and len(path) == 10
+    for e, torque in zip(path, path.values, strict=True):
+        assert 4.905 * math.cos(e.state.position("A")) == pytest.approx(torque, abs=1e-9)
+    m.forces["damper"].change(stiffness=0.1)
+    wound = m.equilibrium(along={"T.value": values}, coordinates=coordinates)
+    assert wound.ends[1] != "it comes back to its start" and len(wound) > 10
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_of_a_continuum_of_equilibria_one_is_listed(coordinates: str) -> None:
+    """A slide that nothing holds above a pendulum; a ring of lengths of a spring; a free four-bar on two circuits."""
+    m = pt.Mechanism("cart")
+    m.add_body("cart", mass=1.0, inertia=(1, 1, 1))
+    m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_prismatic("S", m.ground, "cart", axis=(1, 0, 0))
+    m.add_revolute("A", "cart", "rod", point=(0, 0, 0))
+    found = m.equilibria(10, coordinates=coordinates)
+    assert [e.indifferent for e in found] == [1, 1] and [e.stable for e in found] == [None, False]
+    ring = pt.Mechanism("ring", gravity=None)
+    ring.add_body("bead", mass=1.0, inertia=(1, 1, 1), position=(0.7, 0, 0))
+    ring.add_planar("P", ring.ground, "bead")
+    ring.add_spring("s", ring.ground, (0, 0, 0), "bead", (0, 0, 0), stiffness=100.0, length=0.5)
+    assert [e.indifferent for e in ring.equilibria(10, coordinates=coordinates)] == [2]
+    free = pt.Mechanism("four-bar", gravity=None)
+    spots = [(0, 0, 0), (0.3, 0.2, 0), (1.1, 0.9, 0), (1.2, 0, 0)]
+    bars = [free.add_rod(f"bar {i}", start=spots[i], end=spots[i + 1], mass=1.0) for i in range(3)]
+    for name, one, two, at in zip("ABCD", [free.ground, *bars], [*bars, free.ground], spots, strict=True):
+        free.add_revolute(name, one, two, point=at)
+    assert len(free.equilibria(12, coordinates=coordinates)) == 2
+
+
+@pytest.mark.parametrize("drawn", [0.5, 0.0, -0.5])
+@pytest.mark.parametrize("length", [0.02, 0.3])
+def test_a_short_body_on_a_long_slide_has_all_its_equilibria(length: float, drawn: float) -> None:
+    """The spring tells how far they are apart, not the body: +-0.5 and the middle; of a table over x: both."""
+
+    def slide() -> pt.Mechanism:
+        m = pt.Mechanism("slide", gravity=None)
+        m.add_rod("rod", start=(drawn, 0, 0), end=(drawn + length, 0, 0), mass=1.0)
+        m.add_prismatic("P", m.ground, "rod", axis=(1, 0, 0))
+        return m
+
+    m = slide()
+    m.add_spring("s", m.ground, (0, 0.3, 0), "rod", (0, 0, 0), stiffness=100.0, length=math.hypot(0.5, 0.3))
+    found = sorted(e.state.position("P") + drawn for e in m.equilibria(30))
+    assert found == pytest.approx([-0.5, 0.0, 0.5], abs=1e-9)
+    m = slide()
+    x = np.linspace(-2.0, 2.0, 401)
+    m.add_torque("P", (x - drawn, 0.25 - x**2), over=pt.Coordinate("P"))
+    found = sorted(e.state.position("P") + drawn for e in m.equilibria(30))
+    assert found == pytest.approx([-0.5, 0.5], abs=1e-9)
+
+
+def test_searches_beside_known_equilibria_end_early() -> None:
+    """Of a five-bar twelve equilibria, and no start that takes hundreds of evaluations to fail."""
+    started = time.perf_counter()
+    found = pt.catalogue.load("five-bar").equilibria(60)
+    assert len(found) == 12
+    assert time.perf_counter() - started < 5.0

@@ -69,6 +69,8 @@ pub struct Model {
     coordinates_of: Vec<std::ops::Range<usize>>,
     /// Angles whose whole turns are not counted.
     turns: Vec<bool>,
+    /// Angles after a whole turn of which all forces and conditions repeat.
+    repeats: Vec<bool>,
     /// Characteristic displacement of each velocity.
     displacement: Vec<f64>,
     /// Largest closure error of each row under a large displacement.
@@ -326,16 +328,23 @@ impl Model {
         if elements.iter().any(Element::calls_function) {
             turns.fill(false);
         }
+        let mut repeats = turns.clone();
         // in the plane an angle between two bodies adds up from those of the tree, whole turns included
         let coupled = own.full.conditions.iter().flat_map(Condition::readings);
-        for q in elements.iter().filter_map(Element::depends_on).chain(coupled).flat_map(Measurement::counted) {
+        for q in coupled.flat_map(Measurement::counted) {
             turns[q] = false;
+            repeats[q] = false;
+        }
+        for element in elements {
+            element.depends_on().into_iter().flat_map(Measurement::counted).for_each(|q| turns[q] = false);
+            element.winds_up().into_iter().flat_map(Measurement::counted).for_each(|q| repeats[q] = false);
         }
         let mut model = Self {
             own,
             velocity_of: links.velocity_of,
             coordinates_of: links.coordinates_of,
             turns,
+            repeats,
             displacement: links.displacement,
             row_displacement,
             row_is_angle,

@@ -15,7 +15,7 @@ from ..analyses.family import EquilibriumPath
 from ..analyses.still import run_of
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, PartitaError
-from ..naming import Names, coordinate_units
+from ..naming import Names, coordinate_units, joint_units
 from ..results.run import Run
 from ..state import State
 from ..units import Quantity
@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 
 SAME = 1e-6
 """Equilibria nearer to each other, in radians and fractions of the size of the state, are one."""
+EVERY, WIDER = 4, 10.0
+"""Every so many starts lengths are drawn from a range so many times as wide: no load need tell how far slides go."""
 DEFLATED = 5
 """Starts from which further equilibria are searched beside the known ones, after the last start that found one."""
 
@@ -73,7 +75,8 @@ def equilibrium(
             widened by itself on both sides (values of one sign keep it). Parameters of several numbers take rows of
             them, several parameters change together; they must lie on a straight line.
         stable: True: go down the potential to a stable equilibrium, never to a saddle; None or False: the nearest one
-            by Newton's method, stable or not. Of a family: the equilibrium at which it begins.
+            by Newton's method, stable or not, and down the potential where that arrives nowhere, as it does beside
+            stops. Of a family: the equilibrium at which it begins.
         t: time [s] of loads and prescribed motions; None: that of `near`. Drives must be at rest then; they hold their
             positions.
         coordinates, parameters: as in `simulate`.
@@ -127,10 +130,19 @@ def _start(
     return State(time, start.q, start.v, layout=start._layout)
 
 
-def _searched(model: CompiledModel, start: State, stable: bool, known: list[Array] | None = None) -> Equilibrium:
+def _searched(model: CompiledModel, start: State, stable: bool) -> Equilibrium:
     """The equilibrium that a search arrives at."""
+    return _described(model, start, _rested(model, start, stable))
+
+
+def _rested(model: CompiledModel, start: State, stable: bool, known: list[Array] | None = None) -> Mapping[str, Any]:
+    """The same as numbers, other than the known ones."""
     beside = np.ascontiguousarray(known) if known else np.zeros((0, len(start.q)))
-    found = model.core.equilibrium(start.t, start.q, stable, beside)
+    found: Mapping[str, Any] = model.core.equilibrium(start.t, start.q, stable, beside)
+    return found
+
+
+def _described(model: CompiledModel, start: State, found: Mapping[str, Any]) -> Equilibrium:
     return _found(model, State(start.t, found["q"], np.zeros(model.core.nv), layout=start._layout), found)
 
 
@@ -192,7 +204,8 @@ def equilibria(
     potential energy first. There may be others: this is what was found from so many starts, never "all".
 
     From each start it searches by Newton's method and down the potential, and then for further ones with those that are
-    known removed from the equations (deflation).
+    known removed from the equations (deflation). Angles are drawn from a whole turn, lengths from the size of the
+    mechanism and of its springs, stops and tables. Of a continuum of equilibria (`indifferent`) one is listed.
 
     Args:
         starts: number of random positions from which the search starts.
@@ -210,11 +223,12 @@ def equilibria(
     model, _ = layout_of(self, wanted, parameters)
     start = _start(self, getattr(near, "state", near), model, wanted, parameters, None)
     count, random = run_options.count(starts, "starts"), run_options.generator(seed)
-    spread = _spread(model)
+    spread, slides = _spread(model, start)
+    wide = np.where(slides, WIDER * spread, spread)
     found: list[Equilibrium] = []
     last = 0
     for i in range(count + 1):
-        here = start if i == 0 else _drawn(model, start, spread, random)
+        here = start if i == 0 else _drawn(model, start, spread if i % EVERY else wide, random)
         if here is None:
             continue
         for stable in (False, True):
@@ -230,22 +244,62 @@ def equilibria(
 
 def _added(model: CompiledModel, start: State, stable: bool, found: list[Equilibrium], *, deflated: bool) -> bool:
     """Whether a search found another equilibrium, which joins the others."""
+    known = [other.state.q for other in found]
     try:
-        one = _searched(model, start, stable, [other.state.q for other in found] if deflated else None)
+        one = _rested(model, start, stable, known if deflated else None)
     except PartitaError:
         return False
-    for other in found:
-        if np.abs(model.core.displacement_between(one.state.q, other.state.q)).max(initial=0.0) <= SAME:
-            return False
-    found.append(one)
+    if any(np.abs(model.core.displacement_between(one["q"], q)).max(initial=0.0) <= SAME for q in known):
+        return False
+    there = _described(model, start, one)
+    # of a continuum one is listed
+    flat = [other for other in found if other.indifferent and other.indifferent == there.indifferent]
+    if there.indifferent and any(model.core.indifferent(start.t, there.state.q, one.state.q) for one in flat):
+        return False
+    found.append(there)
     return True
 
 
-def _spread(model: CompiledModel) -> Array:
-    """Range of each displacement: half a turn, or the size of the mechanism."""
+def _spread(model: CompiledModel, start: State) -> tuple[Array, NDArray[np.bool_]]:
+    """Range of each displacement, and whether it is a length: half a turn, or the size of the mechanism or of its
+    springs, stops and tables."""
     names = Names.from_summary(model.summary, model.core.nq, model.core.nv, model.core.rows)
-    units = coordinate_units(model.summary, names)[1]
-    return model.core.characteristic_displacements() * np.array([np.pi if unit == "rad/s" else 1.0 for unit in units])
+    slides = np.array([unit != "rad/s" for unit in coordinate_units(model.summary, names)[1]], dtype=bool)
+    sizes = model.core.characteristic_displacements()
+    farthest = max(_lengths(model, start), default=0.0)
+    return np.where(slides, np.maximum(sizes, farthest), np.pi * sizes), slides
+
+
+def _lengths(model: CompiledModel, start: State) -> list[float]:
+    """Lengths on which loads depend: of springs, between stops, over which tables are given."""
+    joints = {joint["name"]: joint_units(joint)[1] for joint in model.summary["joints"]}
+
+    def slides(along: Mapping[str, Any]) -> bool:
+        units = joints.get(along.get("joint", ""), [])
+        return along.get("of", "joint") == "joint" and units[along.get("coordinate", 0) :][:1] == ["m"]
+
+    found: list[float] = []
+    bodies = model.core.bodies(
+        np.array([start.t]), start.q[None], start.v[None], list(range(len(model.summary["bodies"])))
+    )
+    poses = {
+        body["name"]: (bodies["body_position"][0, i], bodies["body_rotation"][0, i])
+        for i, body in enumerate(model.summary["bodies"])
+    }
+    for force in json.loads(model.core.description)["forces"]:
+        if force["kind"] == "spring":
+            ends = [
+                np.array(force[f"point{i}"]) if force[f"body{i}"] not in poses
+                else poses[force[f"body{i}"]][0] + poses[force[f"body{i}"]][1] @ np.array(force[f"point{i}"])
+                for i in (1, 2)
+            ]  # fmt: skip
+            found += [float(force["length"]), float(np.linalg.norm(ends[1] - ends[0]))]
+        elif slides(force):
+            found += [abs(force[key]) for key in ("lower", "upper", "angle") if isinstance(force.get(key), float)]
+        table = force["value"].get("table") if isinstance(force.get("value"), dict) else None
+        if table and isinstance(force.get("over"), dict) and slides(force["over"]):
+            found += [abs(float(x)) for x in (table["breaks"][0], table["breaks"][-1])]
+    return found
 
 
 def _drawn(model: CompiledModel, start: State, spread: Array, random: np.random.Generator) -> State | None:

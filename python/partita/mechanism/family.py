@@ -127,22 +127,24 @@ def followed(
     raw = model.core.equilibrium_family(start.t, start.q, along, float(line.asked[0]), line.asked)
     still = np.zeros(model.core.nv)
 
-    def state_of(q: Array) -> State:
-        return State(start.t, np.array(q), still, layout=layout)
+    def state_of(q: Array, at: CompiledModel) -> State:
+        return State(start.t, np.array(q), still, layout=at.laid_out(layout))
 
-    entries = tuple(
-        describe(model.with_parameters(line.at(float(x))), state_of(q))
-        for q, x in zip(raw["asked"]["q"], raw["asked"]["x"], strict=True)
-    )
+    def described(q: Array, x: float) -> Equilibrium:
+        at = model.with_parameters(line.at(x))
+        return describe(at, state_of(q, at))
+
+    entries = tuple(described(q, float(x)) for q, x in zip(raw["asked"]["q"], raw["asked"]["x"], strict=True))
     events = raw["events"]
     folds, branchings = [], []
     span = float(np.ptp(line.asked))
     for i, fold in enumerate(raw["fold"]):
-        x, state = float(events["x"][i]), state_of(events["q"][i])
+        x = float(events["x"][i])
+        values = line.at(x)
+        state = state_of(events["q"][i], model.with_parameters(values))
         before, after = raw["changes"][i]
         direction = np.asarray(raw["directions"][i])
         moving = model.velocity_names[int(np.argmax(np.abs(direction)))]
-        values = line.at(x)
         if not fold:
             branchings.append(BranchPoint(x, values, state, moving, direction, before, after))
             continue
@@ -151,7 +153,7 @@ def followed(
         onwards = float(np.sign(x - raw["points"]["x"][last]))
 
         def snapped(x: float = x, q: Array = state.q, onwards: float = onwards) -> Equilibrium | None:
-            return _snapped(model, line, (x, q), onwards * BEHIND_FOLD * span, state_of, describe)
+            return _snapped(model, line, (x, q), onwards * BEHIND_FOLD * span, start.t, described)
 
         is_end = min(before, after) == 0
         folds.append(Fold(x, values, state, moving, direction, before, after, snapped if is_end else None))
@@ -176,18 +178,18 @@ def _snapped(
     line: Line,
     fold: tuple[float, Array],
     onwards: float,
-    state_of: Callable[[Array], State],
-    describe: Describe,
+    t: float,
+    described: Callable[[Array, float], Equilibrium],
 ) -> Equilibrium | None:
     """The stable equilibrium to which the forces lead from a fold, if they lead to one."""
     x, q = fold
-    t, none = state_of(q).t, np.zeros((0, len(q)))
+    none = np.zeros((0, len(q)))
     try:
         beyond = model.with_parameters(line.at(x + onwards))
         closed = beyond.core.displaced(t, q, np.zeros((1, model.core.nv)))[0]
         away = beyond.core.equilibrium(t, closed, True, none)["q"]
         here = model.with_parameters(line.at(x))
         closed = here.core.displaced(t, away, np.zeros((1, model.core.nv)))[0]
-        return describe(here, state_of(here.core.equilibrium(t, closed, True, none)["q"]))
+        return described(here.core.equilibrium(t, closed, True, none)["q"], x)
     except PartitaError:
         return None

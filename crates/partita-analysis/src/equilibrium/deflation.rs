@@ -11,8 +11,8 @@
 use partita_system::ConstrainedSystem;
 use std::f64::consts::TAU;
 
-/// Displacement (nv, in characteristic displacements) from one position to another: angles without the whole turns on
-/// which nothing depends, spatial rotations as their rotation vector in axes of the body.
+/// Displacement (nv, in characteristic displacements) from one position to another: angles without whole turns after
+/// which all forces are the same again, spatial rotations as their rotation vector in axes of the body.
 pub fn displacement_between<S: ConstrainedSystem>(system: &S, from: &[f64], to: &[f64]) -> Vec<f64> {
     let mut out = vec![0.0; system.size().nv];
     let mut i = 0;
@@ -20,7 +20,7 @@ pub fn displacement_between<S: ConstrainedSystem>(system: &S, from: &[f64], to: 
         let own = system.coordinates_of(i);
         if own.len() == 1 {
             let mut by = to[own.start] - from[own.start];
-            if system.turns(own.start) {
+            if system.repeats(own.start) {
                 by -= TAU * (by / TAU).round();
             }
             out[i] = by / system.characteristic_displacement(i);

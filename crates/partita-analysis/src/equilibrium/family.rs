@@ -207,6 +207,19 @@ impl<S: ConstrainedSystem + Varied + 'static> Equilibria<'_, S> {
         at[nq] += part * by[n] * self.scale;
     }
 
+    /// The displacement from a mark to a position, as tangents are given.
+    fn from(&self, system: &S, mark: &Mark, q: &[f64], x: f64) -> Vec<f64> {
+        let mut from = displacement_between(system, &mark.at[..q.len()], q);
+        from.push((x - mark.x()) / self.scale);
+        from
+    }
+
+    /// How far a position lies beyond a mark, along its tangent.
+    fn beyond(&self, mark: &Mark, at: &Point) -> f64 {
+        let from = self.from(&self.base, mark, &at.q, at.x);
+        from.iter().zip(&mark.tangent).map(|(x, t)| x * t).sum()
+    }
+
     /// Positions that cannot be evaluated end the family; other errors are errors.
     fn placed(&mut self, at: &mut [f64]) -> Result<There<S>, SystemError> {
         match self.place(at) {
@@ -369,13 +382,17 @@ fn side<S: ConstrainedSystem + Varied + 'static>(
         }
         // beyond the first position, along its tangent
         let nq = now.at.len() - 1;
-        let mut from = displacement_between(&*curve.base, &start.at[..nq], &now.at[..nq]);
-        from.push((now.x() - start.x()) / curve.scale);
-        let beyond: f64 = from.iter().zip(&start.tangent).map(|(x, t)| x * t).sum();
-        let size = from.iter().map(|x| x * x).sum::<f64>().sqrt();
         let step = there.s - last.s;
-        if marks.len() > 2 && (0.0..=step).contains(&beyond) && size <= tolerance::DOUBLED * step {
-            returned = Some(there.s - beyond);
+        let beyond = |system: &S| {
+            let from = curve.from(system, &start, &now.at[..nq], now.x());
+            let beyond: f64 = from.iter().zip(&start.tangent).map(|(x, t)| x * t).sum();
+            let size = from.iter().map(|x| x * x).sum::<f64>().sqrt();
+            ((0.0..=step).contains(&beyond) && size <= tolerance::DOUBLED * step).then_some(beyond)
+        };
+        // what winds up for one value of the number may not do so for another
+        let winds = curve.there.as_ref().is_some_and(|there| beyond(&there.rest.reduction.system).is_none());
+        if marks.len() > 2 && !winds {
+            returned = beyond(&curve.base).map(|beyond| there.s - beyond);
         }
         left = now.x() < limits.0 || now.x() > limits.1;
         marks.push(now);
@@ -490,9 +507,13 @@ pub fn family(equations: Equations<Model>, t: f64, q: &[f64], x: f64, asked: &[f
         for pair in side.marks.windows(2) {
             between(&mut curve, (&pair[0], &pair[1]), asked, &mut part)?;
         }
-        let end = side.returned.unwrap_or(f64::INFINITY) - tolerance::OPEN;
-        part.asked.retain(|(_, at)| at.s < end);
-        part.events.retain(|event| event.at.s < end);
+        if let Some(returned) = side.returned {
+            let first = &side.marks[0];
+            let before =
+                |at: &Point| at.s < returned - LONGEST_FAMILY_STEP || curve.beyond(first, at) < -tolerance::OPEN;
+            part.asked.retain(|(_, at)| before(at));
+            part.events.retain(|event| before(&event.at));
+        }
         part.points = side.marks.iter().map(Mark::point).collect();
         part.ends[1].clone_from(&side.end);
         parts.push(part);

@@ -6,12 +6,14 @@
 //!
 //! λ is that of rest, so K_d is the derivative of −h_d at any position, not only where it vanishes.
 
+mod continuum;
 mod deflation;
 mod family;
 mod forces;
 mod preload;
 mod search;
 
+pub use continuum::is_connected;
 pub use deflation::displacement_between;
 pub use family::{family, Event, Family, Point};
 pub use preload::{preload, Unknown};

@@ -19,8 +19,15 @@ const MOST_STEPS: usize = 1000;
 /// Steps before the search for another equilibrium than the known ones ends. Reason: a few turns; beside known positions
 /// most searches lead nowhere.
 const MOST_STEPS_BESIDE: usize = 100;
+/// Newton's method ends where forces have not become smaller by the second number, a fraction, within this many steps.
+/// Reason: it creeps towards a position in which they are least, not zero: at a force that sets in. Where it turns by the
+/// longest steps, this many are half a turn and more.
+const STALLED: (usize, f64) = (20, 1e-2);
 /// Halvings of a step before the search ends. Reason: the step is then rounding.
 const MOST_HALVINGS: usize = 40;
+/// Likewise beside known positions. Reason: searches that find another one take full steps; others come to rest where
+/// the deflated forces are least, not zero.
+const MOST_HALVINGS_BESIDE: usize = 8;
 
 /// Part of the expected gain that a step must bring. Scale: fraction of the gain of first order. Reason: the usual one of
 /// line searches.
@@ -154,7 +161,7 @@ impl<S: ConstrainedSystem + Varied> Search<'_, '_, S> {
             self.beside(&next, &there, &vec![0.0; there.force.len()]).0 * there.size
                 <= eta * here.size * (1.0 - SUFFICIENT * part)
         };
-        let rounding = part * travel(&here.dt, &self.rest.displacement, z) <= tolerance::CLOSED_IN_RUN;
+        let rounding = travel(&here.dt, &self.rest.displacement, z) <= tolerance::CLOSED_IN_RUN;
         Ok((better || rounding).then_some((next, there)))
     }
 }
@@ -185,7 +192,8 @@ pub fn describe(model: &Model, t: f64, q: &[f64]) -> Result<Equilibrium, Analysi
 }
 
 /// The equilibrium that a search from the closed position q arrives at; with `stable` it goes down the potential, never
-/// to a saddle. Positions that are `known` are not found again, where it does not go down.
+/// to a saddle, and it does so too where Newton's method arrives nowhere. Positions that are `known` are not found
+/// again, where it does not go down.
 ///
 /// # Errors
 /// Singular positions, drives that move, a search that arrives nowhere.
@@ -196,6 +204,16 @@ pub fn equilibrium(
     stable: bool,
     known: &[Vec<f64>],
 ) -> Result<Equilibrium, AnalysisError> {
+    match search(model, t, q, stable, known) {
+        // a stop, or another force that sets in: the forces before it lead away from the equilibrium behind it
+        Err(e @ AnalysisError::Argument { argument: "near", .. }) if !stable && known.is_empty() => {
+            search(model, t, q, true, known).map_err(|_| e)
+        }
+        found => found,
+    }
+}
+
+fn search(model: &Model, t: f64, q: &[f64], stable: bool, known: &[Vec<f64>]) -> Result<Equilibrium, AnalysisError> {
     let system = SystemRef::from(model);
     let rank = start::analyse(&*system, t, q)?.rank;
     let mut search = Search { rest: Rest::new(system.clone(), rank, t), stable, known };
@@ -204,7 +222,11 @@ pub fn equilibrium(
     let mut here = search.rest.look(&q)?;
     at_rest(&search.rest)?;
     let mut left = f64::INFINITY;
-    let most = if known.is_empty() { MOST_STEPS } else { MOST_STEPS_BESIDE };
+    let mut stalled = (0, f64::INFINITY);
+    let (most, most_halvings) = match known.is_empty() {
+        true => (MOST_STEPS, MOST_HALVINGS),
+        false => (MOST_STEPS_BESIDE, MOST_HALVINGS_BESIDE),
+    };
     for iterations in 0..most {
         let Step { mut z, curvatures, descent } = search.step(&here)?;
         let length = travel(&here.dt, &displacement, &z);
@@ -222,6 +244,12 @@ pub fn equilibrium(
         if !by.is_finite() || !eta.is_finite() {
             return Err(no_equilibrium(&*system, &here, &displacement, iterations));
         }
+        if eta * here.size <= (1.0 - STALLED.1) * stalled.1 {
+            stalled = (iterations, eta * here.size);
+        }
+        if !stable && iterations > stalled.0 + STALLED.0 {
+            return Err(no_equilibrium(&*system, &here, &displacement, iterations));
+        }
         z.iter_mut().for_each(|x| *x *= by);
         let mut part = (LONGEST_STEP / travel(&here.dt, &displacement, &z)).min(1.0);
         let mut halvings = 0;
@@ -232,7 +260,7 @@ pub fn equilibrium(
             }
             part *= 0.5;
             halvings += 1;
-            if halvings > MOST_HALVINGS {
+            if halvings > most_halvings {
                 return Err(no_equilibrium(&*system, &here, &displacement, iterations));
             }
         }

@@ -254,6 +254,18 @@ impl<G: Space> Element<G> {
         }
     }
 
+    /// What its effort depends on, whole turns included: a torsion spring winds up, a constant torque and a damper do
+    /// not.
+    pub(crate) fn winds_up(&self) -> Option<&Measurement<G>>
+    where
+        G: Space<S = f64>,
+    {
+        match self {
+            Self::Load(e) if e.law.winds_up() => e.depends_on(),
+            _ => None,
+        }
+    }
+
     /// Name of an element that depends on an angle measured from the pose, the value about which the angle is unique,
     /// and the half width of that range.
     pub fn turn_range(&self) -> Option<(&str, f64, f64)>

@@ -336,6 +336,9 @@ impl Manifold for Model {
     fn turns(&self, i: usize) -> bool {
         self.turns[i]
     }
+    fn repeats(&self, i: usize) -> bool {
+        self.repeats[i]
+    }
     fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
         self.coordinates_of[i].clone()
     }

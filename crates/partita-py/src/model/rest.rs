@@ -55,6 +55,15 @@ impl Model {
         })
     }
 
+    /// Whether two positions at rest belong to one continuum of them.
+    fn indifferent<'py>(&self, py: Python<'py>, t: f64, start: Vector<'py>, end: Vector<'py>) -> PyResult<bool> {
+        guarded(py, || {
+            let nq = self.inner.size().nq;
+            let (from, to) = (vector(&start, nq, "start")?, vector(&end, nq, "end")?);
+            py.detach(|| statics::is_connected(&self.inner, t, &from, &to)).map_err(|e| failure::analysis(py, e))
+        })
+    }
+
     /// The same of a position at rest that is known.
     fn resting<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {

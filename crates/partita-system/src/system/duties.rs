@@ -217,6 +217,11 @@ pub trait Manifold {
     fn turns(&self, _i: usize) -> bool {
         false
     }
+    /// Whether coordinate `i` is an angle after a whole turn of which all forces and conditions are the same again.
+    /// Energies may differ: a constant torque has done work.
+    fn repeats(&self, i: usize) -> bool {
+        self.turns(i)
+    }
     /// The velocity whose integral coordinate `i` is, if there is one.
     fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
         Some(i)

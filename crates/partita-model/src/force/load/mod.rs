@@ -97,6 +97,17 @@ pub enum LoadLaw<S> {
     Stop(Box<Stop<S>>),
 }
 
+impl LoadLaw<f64> {
+    /// Whether the effort depends on the value, including whole turns of an angle.
+    pub(crate) fn winds_up(&self) -> bool {
+        match self {
+            Self::Effort(_) => false,
+            Self::SpringDamper(x) => x.stiffness != 0.0,
+            other => other.as_law().depends_on_value(),
+        }
+    }
+}
+
 impl<S: Scalar> LoadLaw<S> {
     /// Of a force along a joint coordinate; `in_state`: one of the state.
     fn new(force: &Force, n: &DescribedForce<S>, in_state: bool) -> Option<Self> {
