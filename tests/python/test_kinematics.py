@@ -435,3 +435,33 @@ def test_a_gear_without_a_common_period_keeps_its_phase(ratio: float) -> None:
             assert np.max(np.abs(k.joint(wheel).velocity[:, 0] - ratio)) < 1e-9
             found = m.workspace({crank: turn}, actuators=[crank], coordinates=coordinates, of=("k", (0, 0, 0)))
             assert np.max(np.abs(found.positions[:, 2] - 1.0 - 0.2 * ratio * turn)) < 1e-9
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize(("angle", "end"), [(0.8, 0.8), (-0.3, 0.8), (1.1, 0.4), (2.5, 0.4)])
+def test_goals_next_to_a_dead_point_are_met(angle: float, end: float, coordinates: str) -> None:
+    """A piston 1e-7 m before its dead point has its crank 0.05 degrees from it: far from singular."""
+    crank, rod = 0.2, 0.6
+    pin = np.array([crank * math.cos(angle), crank * math.sin(angle), 0.0])
+    piston = np.array([pin[0] + math.sqrt(rod**2 - pin[1] ** 2), 0.0, 0.0])
+    m = pt.Mechanism("slider-crank", gravity=None)
+    m.add_rod("crank", start=(0, 0, 0), end=pin, mass=1.0)
+    m.add_rod("rod", start=pin, end=piston, mass=1.0)
+    m.add_body("piston", mass=1.0, inertia=(1, 1, 1), position=piston)
+    m.add_revolute("A", m.ground, "crank", point=(0, 0, 0))
+    m.add_revolute("B", "crank", "rod", point=pin)
+    m.add_revolute("C", "rod", "piston", point=piston)
+    m.add_prismatic("P", m.ground, "piston", point=piston, axis=(1, 0, 0))
+    short = 10.0 ** -np.arange(3, 8)
+    at = end + np.sign(0.6 - end) * short
+    k = m.kinematics({"P": at - piston[0]}, rates={"P": 1.0}, coordinates=coordinates)
+    assert k.reached.all()
+    # the law of cosines, without cancellation next to the dead point
+    along = (crank**2 + at**2 - rod**2) / (2.0 * crank * at)
+    right = np.arccos(along)
+    assert np.abs(angle + k.joint("A").position[:, 0]) == pytest.approx(right, abs=1e-9)
+    near = m.assemble({"P": at[-1] - piston[0]}, coordinates=coordinates)
+    assert abs(angle + near.position("A")) == pytest.approx(right[-1], abs=1e-9)
+    # beyond it nothing is reached
+    beyond = m.kinematics({"P": 2.0 * end - at[:2] - piston[0]}, coordinates=coordinates)
+    assert not beyond.reached.any()

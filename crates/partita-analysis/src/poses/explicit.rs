@@ -6,6 +6,7 @@
 use super::continuation::Start;
 use super::goal::Target;
 use super::outcome::{Found, Outcome};
+use crate::equilibrium::displacement_between;
 use crate::instant::Levels;
 use partita_math::tolerance;
 use partita_model::loop_closure::{ClosingProgram, LoopClosing};
@@ -240,6 +241,11 @@ impl<'m> Explicit<'m> {
         Ok(Step::Taken)
     }
 
+    /// Largest displacement of the step that was refused last, where it closed.
+    fn refused(&self) -> f64 {
+        displacement_between(self.model, &self.there, &self.before).iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+    }
+
     /// Close the loops with the goals at this fraction of the path; otherwise the block that fails and its closure
     /// error.
     fn close(&mut self, values: &[f64], part: f64) -> Result<Option<(f64, usize)>, SystemError> {
@@ -279,7 +285,8 @@ impl<'m> Explicit<'m> {
         let mut blocked = f64::INFINITY;
         while path.done < 1.0 {
             let next = path.next();
-            match self.advance(values, next)? {
+            let step = self.advance(values, next)?;
+            match step {
                 Step::Taken => {
                     path.taken(next);
                     continue;
@@ -288,7 +295,9 @@ impl<'m> Explicit<'m> {
                 Step::Unclear => {}
             }
             path.stride *= 0.5;
-            if path.stride * far < tolerance::SHORTEST_STEP {
+            // next to a limit of the goals the other coordinates still move by their root
+            let is_short = path.stride * far < tolerance::SHORTEST_STEP;
+            if is_short && (step == Step::Limit || self.refused() < tolerance::SHORTEST_STEP) {
                 // next to a limit a pivot vanishes too; which of both the last step meets is chance
                 let limit = (blocked - path.done) * far < tolerance::CLEARLY * tolerance::SHORTEST_STEP;
                 return self.beyond(values, path.done, limit);

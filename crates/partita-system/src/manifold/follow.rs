@@ -51,7 +51,8 @@ pub trait Curve {
 pub struct Pace {
     /// Longest step, in characteristic displacements of the fastest coordinate.
     pub longest: f64,
-    /// Steps shorter than this, in s, end the curve.
+    /// Steps shorter than this end the curve, in characteristic displacements of the fastest coordinate: next to a limit
+    /// of the parameter the others still move by its root.
     pub shortest: f64,
     /// Maximum number of steps.
     pub steps: usize,
@@ -197,7 +198,7 @@ pub fn follow<C: Curve + ?Sized>(
             }
             Err(end) => {
                 part = 0.5 * ds;
-                if part < pace.shortest {
+                if part * curve.travel(&tangent) < pace.shortest {
                     return Ok(Followed { end, ..found });
                 }
             }

@@ -101,7 +101,7 @@ pub fn move_to<S: ConstrainedSystem>(
         let mut curve = Towards { rows: &mut rows, targets, from, ahead, locked, tolerance, room };
         let pace = Pace {
             longest: manifold::follow::LONGEST_PREDICTION,
-            shortest: (tolerance::SHORTEST_STEP / far).min(0.1),
+            shortest: tolerance::SHORTEST_STEP.min(0.1 * far),
             steps: LONGEST,
         };
         let done = follow(&mut curve, q, &vec![0.0; system.size().nv], 1.0, &pace, &mut |_, _| Ok(Visit::On))?;
