@@ -185,13 +185,16 @@ class Model:
     ) -> tuple[list[tuple[Array, list[int], float]], list[str], list[str]]:
         """(q, branches, residual) of every assembly for the inputs in q; words of the blocks; notes."""
 
-    def poses(self, t: float, q: Array, goals: list[Goal], values: Array) -> dict[str, Any]:
+    def poses(
+        self, t: float, q: Array, goals: list[Goal], values: Array, grid: Sequence[int] | None = None
+    ) -> dict[str, Any]:
         """Positions in which the goals have the values of each row (n, goals), on the branch of the closed position q:
         q (n, nq), reached (n, goals), shortfall, angle, detour (n,), status (n numbers of `words`), reasons
         (number and sentence of each pose that was not assembled), branch (words and sign of each block, or None). A
         goal is its name, "own" (a coordinate of q), "joint", "point" or "turn", the number of the coordinate, joint or
         body, that of the coordinate or axis in it, and numbers: the point in body axes, or the reference orientation
-        row by row. The three turns of a body follow each other."""
+        row by row. The three turns of a body follow each other. Rows of a `grid` of this shape, the last dimension
+        fastest, are found from neighbour to neighbour."""
 
     def ensemble(
         self,
@@ -247,6 +250,9 @@ class Model:
     def equilibrium(self, t: float, q: Array, stable: bool, known: Array) -> dict[str, Any]:
         """The position at rest that a search from the closed position q arrives at, none of the `known` ones in the
         rows."""
+
+    def indifferent(self, t: float, start: Array, end: Array) -> bool:
+        """Whether two positions at rest belong to one continuum of them."""
 
     def resting(self, t: float, q: Array) -> dict[str, Any]:
         """The same of a position at rest that is known."""

@@ -517,3 +517,41 @@ def test_what_cannot_be_reached_is_refused() -> None:
             m.placement(count, over=w)  # type: ignore[arg-type]
     with pytest.raises(ArgumentError, match="is that of"):
         crank_rocker().placement(1, over=w)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_all_positions_of_a_point_are_found_around_holes(coordinates: str) -> None:
+    """The joint between the rods of a five-bar whose rods are shorter than its cranks by parts: two rings meet, and
+    straight lines from the drawing cross their holes."""
+    left, right = (0.6, 0.9), (0.65, 0.95)
+    b, d = np.array([-0.2, 0.6, 0.0]), np.array([1.2, 0.6, 0.0])
+    b[:2] *= left[0] / np.linalg.norm(b)
+    d[:2] = np.array([1.0, 0.0]) + (d[:2] - [1.0, 0.0]) * right[0] / np.linalg.norm(d[:2] - [1.0, 0.0])
+    c = meeting(b, d, left[1], right[1])
+    spots = [np.zeros(3), b, c, d, np.array([1.0, 0.0, 0.0])]
+    m = pt.Mechanism("five-bar", gravity=None)
+    bars = [m.add_rod(f"bar {i}", start=spots[i], end=spots[i + 1], mass=1.0) for i in range(4)]
+    for name, one, two, at in zip("ABCDE", [m.ground, *bars], [*bars, m.ground], spots, strict=True):
+        m.add_revolute(name, one, two, point=at)
+    point = ("bar 1", (0.9, 0.0, 0.0))
+    x, y = np.linspace(-0.95, 1.95, 20), np.linspace(-1.55, 1.55, 20)[::-1]
+    w = m.workspace({(*point, "x"): x, (*point, "y"): y}, point, actuators=("A", "E"), coordinates=coordinates)
+    across, up = np.meshgrid(x, y, indexing="ij")
+    possible = np.ones(across.shape, dtype=bool)
+    for base, (crank, rod) in ((0.0, left), (1.0, right)):
+        size = np.hypot(across - base, up)
+        possible &= (size <= crank + rod) & (size >= rod - crank)
+    assert (w.reached == possible).all() and 100 < possible.sum() < 300
+    assert w.positions is not None
+    assert np.abs(w.positions[possible][:, 0] - across[possible]).max() < 1e-10
+    assert np.abs(w.positions[possible][:, 1] - up[possible]).max() < 1e-10
+    # on the branch of the drawing everywhere: each rod on its side of its crank
+    for rod, crank in (("bar 1", "bar 0"), ("bar 2", "bar 3")):
+        ends = [w.path(crank, (0, 0, 0)), w.path(rod, (0, 0, 0)), w.path(rod, (0.9, 0, 0))]
+        if rod == "bar 2":
+            ends = [w.path("bar 3", (right[0], 0, 0)), w.path("bar 3", (0, 0, 0)), w.path("bar 2", (0, 0, 0))]
+        arm, reach = (ends[1] - ends[0])[possible], (ends[2] - ends[1])[possible]
+        side = arm[:, 0] * reach[:, 1] - arm[:, 1] * reach[:, 0]
+        assert (side > 0.0).all() or (side < 0.0).all()
+    out = tuple(int(i) for i in np.argwhere(~possible)[0])
+    assert "cannot be reached" in w.reasons[out]

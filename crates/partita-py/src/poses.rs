@@ -201,12 +201,13 @@ pub fn many<'py>(
     q: &PyReadonlyArray1<'py, f64>,
     goals: &[Named],
     values: &PyReadonlyArray2<'py, f64>,
+    grid: Option<&[usize]>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let targets = targets(py, m, goals)?;
     let (nq, width) = (m.size().nq, targets.len());
     let q = vector(q, nq, "q")?;
     let (count, values) = rows_for(values, width)?;
-    let found = watched(py, |watch| poses::many(m, t, &q, &targets, &values, watch))?;
+    let found = watched(py, |watch| poses::many(m, t, &q, &targets, &values, grid, watch))?;
     let d = PyDict::new(py);
     d.set_item("q", array(py, &[count, nq], found.q))?;
     d.set_item("reached", array(py, &[count, width], found.reached))?;

@@ -67,6 +67,8 @@ def layout_of(
 ) -> tuple[CompiledModel, Layout]:
     """The compiled model, with these of its parameters changed, and the layout of its states."""
     model = compile(mechanism, coordinates)
-    if parameters is not None:
-        model = model.with_parameters(parameters)
-    return model, mechanism._compiled[coordinates][2]
+    layout = mechanism._compiled[coordinates][2]
+    if parameters is None:
+        return model, layout
+    model = model.with_parameters(parameters)
+    return model, model.laid_out(layout)

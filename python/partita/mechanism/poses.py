@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -220,17 +220,19 @@ def poses_near(
     values: FloatArray,
     coordinates: str,
     parameters: Mapping[str, ArrayLike] | None,
+    grid: Sequence[int] | None = None,
 ) -> dict[str, Any]:
-    """Poses for the rows of values on the branch of a state. Where a coupling constrains rates alone in absolute
-    coordinates, its phase is known in relative ones, in which they are found then."""
+    """Poses for the rows of values on the branch of a state; those of a grid from neighbour to neighbour. Where a
+    coupling constrains rates alone in absolute coordinates, its phase is known in relative ones, in which they are
+    found then."""
     try:
-        return model.core.poses(start.t, start.q, goals, values)
+        return model.core.poses(start.t, start.q, goals, values, grid)
     except ArgumentError as error:
         if error.argument != "coordinates" or coordinates != "absolute":
             raise
     relative, _ = layout_of(self, "relative", parameters)
     near = _converted(self, start, "relative", parameters)
-    raw = relative.core.poses(near.t, near.q, goals, values)
+    raw = relative.core.poses(near.t, near.q, goals, values, grid)
     rows = np.full((len(values), start.q.size), np.nan)
     rest = np.zeros(near.v.size)
     for i in np.flatnonzero(raw["status"] == 0):

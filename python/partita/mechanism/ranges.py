@@ -88,6 +88,23 @@ class Room(NamedTuple):
         """Positions for the rows of values on the branch of the start."""
         return self.poses_near(self.start, values)
 
+    def poses_over(self, values: list[FloatArray]) -> dict[str, Any]:
+        """The same for all combinations of these values of the axes, in the order of `product`, from neighbour to
+        neighbour."""
+        orders = [np.argsort(x, kind="stable") for x in values]
+        rows = self.product([x[order] for x, order in zip(values, orders, strict=True)])
+        shape = [len(x) for x in values]
+        wanted = (self.mechanism, self.model, self.start, self.goals, rows, self.coordinates, self.parameters)
+        found = poses_near(*wanted, [n for n in shape if n > 1])
+        # where each combination is among the sorted ones
+        back = np.arange(len(rows)).reshape(shape)[np.ix_(*[np.argsort(order) for order in orders])].ravel()
+        numbers = np.empty(len(rows), dtype=int)
+        numbers[back] = np.arange(len(rows))
+        for key in ("q", "reached", "shortfall", "angle", "detour", "status"):
+            found[key] = np.asarray(found[key])[back]
+        found["reasons"] = sorted((int(numbers[i]), words) for i, words in found["reasons"])
+        return found
+
     def poses_near(self, start: State, values: FloatArray) -> dict[str, Any]:
         """The same on the branch of another state."""
         return poses_near(self.mechanism, self.model, start, self.goals, values, self.coordinates, self.parameters)

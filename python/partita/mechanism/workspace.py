@@ -40,8 +40,10 @@ def workspace(
 ) -> Workspace:
     """Compute over a grid of goals which positions the mechanism takes, and how well its actuators move it there.
 
-    All positions lie on the branch of one state and are found as by `assemble_many`. For the curves on which a margin
-    is zero use `singularities`; for the best set of actuators pass the result to `placement`.
+    All positions lie on the branch of one state. Where the loops follow from the goals in closed form they are found as
+    by `assemble_many`; otherwise each from its neighbours in the grid, so that what lies behind a hole is found too.
+    For the curves on which a margin is zero use `singularities`; for the best set of actuators pass the result to
+    `placement`.
 
     Args:
         grid: goal -> values, as in `singularities`, with any number of goals that vary: the maps are over all
@@ -82,7 +84,7 @@ def workspace(
             )
     actuated = with_actuators(self, room, actuators)
     values = room.product([axis.values for axis in room.axes])
-    found = room.poses(values)
+    found = room.poses_over([axis.values for axis in room.axes])
     reached = found["status"] == 0
     if not reached.any():
         raise room.unreachable(found)

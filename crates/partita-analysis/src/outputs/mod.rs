@@ -9,7 +9,7 @@ mod rows;
 pub use checks::checks;
 pub use motion::{bodies, body_accelerations, energies, joint_accelerations, joints, load, BODY, JOINT_POINT};
 pub use reactions::{augmented, reaction, reactions, shares, JOINT_AXES};
-pub use rows::{tables, tables_on, Rows, Watch};
+pub use rows::{tables, tables_on, whole, Rows, Watch};
 
 use partita_model::Model;
 use partita_system::prelude::*;

@@ -43,6 +43,11 @@ impl Rows<'_> {
     }
 }
 
+/// All rows of tables.
+pub fn whole<'a>(tables: &'a mut [Vec<f64>], widths: &'a [usize]) -> Rows<'a> {
+    Rows { parts: tables.iter_mut().map(Vec::as_mut_slice).collect(), widths, first: 0 }
+}
+
 /// Split off the first rows of each table.
 fn take<'a>(rest: &mut [&'a mut [f64]], widths: &'a [usize], rows: Range<usize>) -> Rows<'a> {
     let parts = rest

@@ -133,7 +133,7 @@ impl<'m> Continuation<'m> {
         Ok(start)
     }
 
-    fn begin(&mut self, start: &Start) {
+    pub fn begin(&mut self, start: &Start) {
         let m = self.field.closings();
         self.field.duty[..m].fill(Duty::Hard);
         for (duty, free) in self.field.duty[m..].iter_mut().zip(&start.free) {
@@ -258,6 +258,20 @@ impl<'m> Continuation<'m> {
         self.field.y.copy_from_slice(&start.y);
         let ending = self.on(&start.y, to, &mut next.q, &mut next.signed)?;
         Ok((ending == Ending::There && self.settle(&mut next.q, to)?).then_some(next))
+    }
+
+    /// As [`start_at`](Self::start_at), for values near by: none where steps would have to be shorter than this many
+    /// characteristic displacements.
+    ///
+    /// # Errors
+    /// As [`go`](Self::go).
+    pub fn start_near(&mut self, start: &Start, to: &[f64], shortest: f64) -> Result<Option<Start>, SystemError> {
+        let mut next = Start { y: to.to_vec(), ..start.clone() };
+        self.begin(start);
+        self.field.y.copy_from_slice(&start.y);
+        let (mut line, none) = self.line(&start.y, to);
+        let end = line.follow((&mut next.q[..], &none), shortest, &mut next.signed)?;
+        Ok((end.is_none() && self.settle(&mut next.q, to)?).then_some(next))
     }
 
     /// For each goal the least velocity that changes it at unit rate with the loops closed and the others at rest, at
@@ -451,7 +465,7 @@ impl Straight<'_, '_> {
         if far == 0.0 {
             return Ok(None);
         }
-        let pace = Pace { longest: follow::LONGEST_PREDICTION, shortest: (shortest / far).min(0.1), steps: STEPS };
+        let pace = Pace { longest: follow::LONGEST_PREDICTION, shortest: shortest.min(0.1 * far), steps: STEPS };
         let done = follow(self, q, none, 1.0, &pace, &mut |line, _| {
             // across a singular position the determinant changes its sign
             let Some(before) = &*signed else { return Ok(Visit::On) };

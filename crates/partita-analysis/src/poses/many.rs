@@ -2,6 +2,7 @@
 
 use super::continuation::{Continuation, Start};
 use super::explicit::Explicit;
+use super::flood::flooded;
 use super::goal::Target;
 use super::lanes::{self, PoseLanes};
 use super::lattice::{LastSteps, Lattice};
@@ -37,7 +38,7 @@ pub struct Poses {
 }
 
 /// The rows of the tables in which poses are found.
-const RESULT: usize = 5;
+pub(super) const RESULT: usize = 5;
 
 /// All of a row but its coordinates.
 pub(super) fn put(found: &Found, reached: &[f64], rows: &mut Rows, i: usize) {
@@ -53,7 +54,9 @@ pub(super) fn put(found: &Found, reached: &[f64], rows: &mut Rows, i: usize) {
 /// The branch contains the positions reached from q by linear variation of the goals without meeting a limit or a
 /// singular position. Where several goals are inputs from which all loops follow in closed form, the branch is given by
 /// the signs of their blocks: a pose is found wherever it closes with these signs, even if the direct path is blocked.
-/// Each pose depends only on its own values and on q.
+/// Each pose depends only on its own values and on q, unless the rows are those of a `grid` of this shape, the last
+/// dimension fastest, values growing along each: then the branch contains what steps from one position of the grid to
+/// its neighbours lead to.
 ///
 /// # Errors
 /// `Argument` where the values do not fit, or where a coupling that constrains rates alone loses its phase; those of functions that the model calls, and of `watch`.
@@ -63,6 +66,7 @@ pub fn many(
     q: &[f64],
     targets: &[Target],
     values: &[f64],
+    grid: Option<&[usize]>,
     watch: Watch,
 ) -> Result<Poses, AnalysisError> {
     let width = targets.len();
@@ -115,7 +119,10 @@ pub fn many(
             let scratch = || (explicit.again(), program.as_ref().map(PoseLanes::new));
             tables(count, &widths, chunk, scratch, row, watch)?
         }
-        None => by_following(model, t, targets, &start, values, watch)?,
+        None => match grid {
+            Some(shape) => flooded((model, t), targets, &start, (shape, values), watch)?,
+            None => by_following(model, t, targets, &start, values, watch)?,
+        },
     };
     let mut tables = tables.into_iter();
     let mut next = || tables.next().unwrap_or_default();

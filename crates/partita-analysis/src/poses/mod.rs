@@ -6,6 +6,7 @@ mod driven;
 mod explain;
 mod explicit;
 pub(crate) mod field;
+mod flood;
 mod goal;
 mod lanes;
 mod lattice;

@@ -16,12 +16,29 @@ const NEAR: Rule =
 /// Steps that minimise the soft rows, at most 0.3 characteristic displacements each: after a step of 1e-9 the remainder
 /// is below nine digits.
 const LEAST: Rule = Rule::new(200, 0.0, 0.0).cut(LONGEST_PREDICTION).to_rest(tolerance::LAST_MOVE);
+/// The same to four digits.
+const ROUGHLY: Rule = Rule::new(200, 0.0, 0.0).cut(LONGEST_PREDICTION).to_rest(FOUR_DIGITS);
+/// Shorter steps change four digits of a position no more. Scale: characteristic displacement. Reason: steps become
+/// shorter by half or more.
+const FOUR_DIGITS: f64 = 1e-4;
 
 /// Move q to the least sum of squares of the soft rows, subject to the hard rows.
 ///
 /// # Errors
 /// The errors of functions that the conditions call.
 pub(super) fn nearest(f: &mut Field, q: &mut Vec<f64>, aims: &[f64]) -> Result<(), SystemError> {
+    least(f, q, aims, &LEAST)
+}
+
+/// As [`nearest`], to four digits.
+///
+/// # Errors
+/// As [`nearest`].
+pub(super) fn nearly(f: &mut Field, q: &mut Vec<f64>, aims: &[f64]) -> Result<(), SystemError> {
+    least(f, q, aims, &ROUGHLY)
+}
+
+fn least(f: &mut Field, q: &mut Vec<f64>, aims: &[f64], rule: &Rule) -> Result<(), SystemError> {
     f.aims.copy_from_slice(aims);
     let (mut trial, y) = (q.clone(), f.y.clone());
     match f.close_hard(&mut trial, &FAR) {
@@ -29,6 +46,6 @@ pub(super) fn nearest(f: &mut Field, q: &mut Vec<f64>, aims: &[f64]) -> Result<(
         Ok(_) | Err(SystemError::NotFinite { .. }) => f.y.copy_from_slice(&y),
         Err(e) => return Err(e),
     }
-    close(&mut Soft::new(f, NEAR), q, &LEAST, &mut Room::default())?;
+    close(&mut Soft::new(f, NEAR), q, rule, &mut Room::default())?;
     Ok(())
 }

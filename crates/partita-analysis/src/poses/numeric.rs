@@ -1,7 +1,7 @@
 //! Poses by following the motion from the start, the last step of each in a batch where a lattice applies.
 
 use super::continuation::{Continuation, Ending, Start};
-use super::field::Duty;
+use super::field::{Duty, Field};
 use super::goal::Target;
 use super::lattice::{LastSteps, Lattice};
 use super::nearest::nearest;
@@ -12,11 +12,11 @@ use partita_system::SystemError;
 
 /// Paths from stations that would need shorter steps are not followed. Unit: characteristic displacement. Reason: next
 /// to a limit the path from the start decides, and two paths there would cost twice.
-const SHORTEST_NEAR: f64 = 0.1 * tolerance::STRIDE;
+pub(super) const SHORTEST_NEAR: f64 = 0.1 * tolerance::STRIDE;
 
 /// Poses by following the motion.
 pub(super) struct Numeric<'l, 'm> {
-    continuation: Continuation<'m>,
+    pub continuation: Continuation<'m>,
     start: &'m Start,
     last_steps: Option<LastSteps<'l, 'm>>,
     /// The position found.
@@ -93,28 +93,39 @@ impl<'l, 'm> Numeric<'l, 'm> {
                 }
             }
         }
-        // from the end of the direct path: the closure error with the goals at their targets
-        self.there.clone_from(&here);
+        let found = self.open(&here, &reached, values, nearest)?;
+        let outcome = if matches!(first, Ending::Crossing(_)) { Outcome::Singular } else { found.outcome };
+        Ok(Found { outcome, ..found })
+    }
+
+    /// The closure error with the goals at these values, from a closed position with others: open, or closed on another
+    /// branch.
+    pub fn open(
+        &mut self,
+        from: &[f64],
+        y: &[f64],
+        values: &[f64],
+        nearest: impl FnOnce(&mut Field<'m>, &mut Vec<f64>, &[f64]) -> Result<(), SystemError>,
+    ) -> Result<Found, SystemError> {
+        self.there.clear();
+        self.there.extend_from_slice(from);
+        self.continuation.begin(self.start);
         let f = &mut self.continuation.field;
-        f.y.copy_from_slice(&reached);
+        f.y.copy_from_slice(y);
         let m = f.closings();
         f.duty[..m].fill(Duty::Soft);
         nearest(f, &mut self.there, values)?;
         let goals_met = f.worst(Duty::Hard) <= tolerance::CLOSED.sqrt();
         let (culprit, shortfall, angle) = f.closure_error();
         let closes = goals_met && f.worst(Duty::Soft) <= tolerance::CLOSED.sqrt();
-        let outcome = match first {
-            Ending::Crossing(_) => Outcome::Singular,
-            _ if closes => Outcome::OtherBranch,
-            _ => Outcome::Open,
-        };
+        let outcome = if closes { Outcome::OtherBranch } else { Outcome::Open };
         let (shortfall, angle) = if goals_met { (shortfall, angle) } else { (f64::NAN, f64::NAN) };
-        self.reached.copy_from_slice(&reached);
+        self.reached.copy_from_slice(y);
         Ok(Found { outcome, shortfall, angle, culprit, detour: false })
     }
 
     /// Goals that depend on the others must have reached their targets.
-    fn agreeing(&mut self, values: &[f64], detour: bool) -> Found {
+    pub fn agreeing(&mut self, values: &[f64], detour: bool) -> Found {
         self.continuation.field.look(&self.there);
         let f = &self.continuation.field;
         let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].displacement;

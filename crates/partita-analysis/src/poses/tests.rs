@@ -30,7 +30,7 @@ fn all_goals(m: &Model) -> Vec<Target> {
 }
 
 fn many_of(m: &Model, q: &[f64], targets: &[Target], values: &[f64]) -> Poses {
-    many(m, 0.0, q, targets, values, &mut || Ok(())).unwrap()
+    many(m, 0.0, q, targets, values, None, &mut || Ok(())).unwrap()
 }
 
 fn closure_error(m: &Model, q: &[f64]) -> f64 {
@@ -146,8 +146,8 @@ fn what_cannot_be_placed_is_refused() {
     assert!(ball.contains("use points of the body"), "{ball}");
     let first = Target::new(&m, &Goal::Joint { joint: 0, coordinate: 0 }, "A").unwrap();
     let q = closed(&m);
-    let refused = many(&m, 0.0, &q, &[], &[1.0], &mut || Ok(())).unwrap_err().to_string();
+    let refused = many(&m, 0.0, &q, &[], &[1.0], None, &mut || Ok(())).unwrap_err().to_string();
     assert!(refused.contains("do not fit"), "{refused}");
-    let far = many(&m, 0.0, &q, &[first], &[1.0, 1e9], &mut || Ok(())).unwrap_err().to_string();
+    let far = many(&m, 0.0, &q, &[first], &[1.0, 1e9], None, &mut || Ok(())).unwrap_err().to_string();
     assert!(far.contains("pose 1"), "{far}");
 }

@@ -81,8 +81,9 @@ impl Model {
         })
     }
 
-    /// Positions in which the goals have the values of each row, on the branch of the closed position q, by name.
-    #[pyo3(signature = (t, q, goals, values))]
+    /// Positions in which the goals have the values of each row, on the branch of the closed position q, by name; rows of
+    /// a `grid` of this shape from neighbour to neighbour.
+    #[pyo3(signature = (t, q, goals, values, grid=None))]
     fn poses<'py>(
         &self,
         py: Python<'py>,
@@ -90,8 +91,9 @@ impl Model {
         q: Vector<'py>,
         goals: Vec<poses::Named>,
         values: Table<'py>,
+        grid: Option<Vec<usize>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || poses::many(py, &self.inner, t, &q, &goals, &values))
+        guarded(py, || poses::many(py, &self.inner, t, &q, &goals, &values, grid.as_deref()))
     }
 
     /// Motions of many members: other states in the rows of q and v, other `parameters` (names and how many numbers each
