@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ Span = tuple[int, int]
 # coordinates.
 TURN = 12
 
+Beyond = Callable[[str, float, Array, Array], tuple[Array, Array]]
+"""Coordinates and velocities of a joint that are not part of the state (t, q, v)."""
+
 
 class Layout:
     """The indices of the coordinates of each joint in q and v, from the summary of a compiled model."""
@@ -34,6 +38,9 @@ class Layout:
         self._spans: dict[str, tuple[Span | None, Span | None]] = {}
         self._beyond: dict[str, Span] = {}
         self._drawn: dict[str, Array] = {}
+        self._axes: dict[str, tuple[list[str], list[str]]] = {}
+        self._root: object = self
+        self._read: Beyond | None = None
         self.senses = Senses({}, {})
         if summary is not None:
             self.fill(summary)
@@ -46,6 +53,7 @@ class Layout:
         first = sum(n for _, n in self._beyond.values())
         for joint in summary["joints"]:
             self._spans[joint["name"]] = _span(joint["state_q"]), _span(joint["state_v"])
+            self._axes[joint["name"]] = self._labels_of(joint)
             if joint.get("drawn"):
                 self._drawn[joint["name"]] = np.array(joint["drawn"], dtype=float)
             count = joint["v"][1]
@@ -54,6 +62,37 @@ class Layout:
                 shown = count if count == joint["q"][1] else count + 9
                 self._beyond[joint["name"]] = first, shown
                 first += shown
+
+    def _labels_of(self, joint: dict[str, Any]) -> tuple[list[str], list[str]]:
+        """Names of the coordinates and of the velocities of a joint."""
+        q, v = self._spans[joint["name"]]
+        axes = list(joint["axes"])
+        count = joint["q"][1]
+        if q is None or v is None:
+            return axes if len(axes) == count else [f"q{i}" for i in range(count)], axes
+        own = [name.rpartition(".")[2] for name in self.names[q[0] : sum(q)]]
+        return own, [name.rpartition(".")[2] for name in self.velocity_names[v[0] : sum(v)]]
+
+    def reading(self, core: Any, summary: dict[str, Any]) -> Layout:
+        """The same layout, whose states know the joints that are not part of them as this model computes them."""
+        numbers = {joint["name"]: i for i, joint in enumerate(summary["joints"])}
+
+        def read(joint: str, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+            found = core.joints(np.array([t]), q[None], v[None], [numbers[joint]])
+            return found["joint_position"][0], found["joint_velocity"][0]
+
+        found = Layout()
+        found.__dict__.update(self.__dict__)
+        found._read = read
+        return found
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Layout:
+        """Itself: a layout that is filled never changes."""
+        return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Names and spans: a pickled state has no model."""
+        return {**self.__dict__, "_read": None}
 
     def fits(self, summary: dict[str, Any]) -> bool:
         """Whether the state has the coordinates of a model; a joint and a body may share the names of theirs."""
@@ -64,7 +103,7 @@ class Layout:
 
     def is_like(self, other: Layout) -> bool:
         """Whether it is that layout, or nothing but its names."""
-        return self is other or (self.by_names_alone and self.names == other.names)
+        return self._root is other._root or (self.by_names_alone and self.names == other.names)
 
     @property
     def tree_joints(self) -> list[str]:
@@ -91,13 +130,41 @@ class Layout:
         """First index and number of the joint's velocities in v."""
         return self._find(joint)[1]
 
+    def place(self, key: Any, rates: bool) -> tuple[Any, int | None]:
+        """The joint that `key` names, and which of its coordinates or velocities; None: all of them. A key is a joint,
+        one of its coordinates by name ("F.wz"), or `pt.Coordinate(joint, 1)`."""
+        if hasattr(key, "joint") and hasattr(key, "coordinate"):
+            name = str(key.joint)
+            labels = self._axes.get(name, ([], []))[rates]
+            if name in self._axes and key.coordinate not in range(len(labels)):
+                raise ArgumentError(
+                    f"{shown(key)} does not exist: joint {name!r} has {len(labels)} "
+                    f"{'velocities' if rates else 'coordinates'}, counted from 0: "
+                    f"{', '.join(f'{name}.{axis}' for axis in labels) or 'none'}",
+                    argument="joint",
+                )
+            return key.joint, key.coordinate
+        owner, _, axis = str(key).rpartition(".")
+        if str(key) not in self._spans and axis in (labels := self._axes.get(owner, ([], []))[rates]):
+            return owner, labels.index(axis)
+        return key, None
+
+    def known(self, joint: Any, rates: bool, t: float, q: Array, v: Array) -> Any:
+        """The coordinates or velocities of a joint, in the state or not."""
+        span = self._spans.get(str(joint))
+        if span is not None and span[0] is None and self._read is not None:
+            found = self._read(str(joint), t, q, v)[rates]
+            return float(found[0]) if len(found) == 1 else found
+        return self.part(v if rates else q, self._find(joint)[rates], joint)
+
     def _find(self, joint: Any) -> tuple[Span, Span]:
         name = str(joint)
         if name not in self._spans:
             known = list(self._spans)
             close = difflib.get_close_matches(name, known, n=1)
             if (owner := name.rpartition(".")[0]) in known:
-                hint = f'it is one coordinate of the joint "{owner}": ask for the joint and take that number'
+                axes = [f"{owner}.{axis}" for axis in dict.fromkeys([*self._axes[owner][0], *self._axes[owner][1]])]
+                hint = f'the joint "{owner}" has {", ".join(axes) or "no coordinates"}'
             else:
                 hint = f'did you mean "{close[0]}"?' if close else f"known joints: {', '.join(known) or 'none'}"
             raise UnknownNameError(f'there is no joint "{name}"; {hint}', name=name, known=known)
@@ -137,15 +204,22 @@ class StateView:
     def position(self, joint: Any) -> Any:
         """Coordinate of a joint by name or handle [rad or m]: a float if it has one, else an array; see
         `State.position`."""
-        if self._beyond is not None and (span := self._layout.beyond(joint)) is not None:
-            return _turned(self._beyond[0], span) if span[1] >= TURN else _part(self._beyond[0], span)
-        return self._layout.part(self.q, self._layout.q(joint), joint)
+        return self._number(joint, False)
 
     def velocity(self, joint: Any) -> Any:
-        """Velocity of a joint by name or handle [rad/s or m/s]: a float if it has one, else an array."""
-        if self._beyond is not None and (span := self._layout.beyond(joint)) is not None:
-            return _turning(self._beyond[1], span) if span[1] >= TURN else _part(self._beyond[1], span)
-        return self._layout.part(self.v, self._layout.v(joint), joint)
+        """Velocity of a joint by name or handle [rad/s or m/s]: a float if it has one, else an array; one of several by
+        its name, such as "F.wz", or as `pt.Coordinate(joint, 1)`."""
+        return self._number(joint, True)
+
+    def _number(self, key: Any, rates: bool) -> Any:
+        joint, column = self._layout.place(key, rates)
+        if self._beyond is None or (span := self._layout.beyond(joint)) is None:
+            found = self._layout.known(joint, rates, self.t, self.q, self.v)
+        elif span[1] < TURN:
+            found = _part(self._beyond[rates], span)
+        else:
+            found = (_turning if rates else _turned)(self._beyond[rates], span)
+        return found if column is None or isinstance(found, float) else float(found[column])
 
     def sensor(self, name: Any) -> Any:
         """The value of a position or velocity sensor: a float or an array, see `Mechanism.add_sensor`.
@@ -230,14 +304,24 @@ class State(StateView):
         """Coordinate of a joint [rad or m].
 
         Args:
-            joint: name or handle of a joint in the state (of the spanning tree).
+            joint: name or handle of a joint; of one coordinate of several its name, such as "F.x", or
+                `pt.Coordinate(joint, 1)`. Joints that are not part of the state (they close a loop, or the coordinates
+                are absolute) are computed by the model that the state was made with: spatial angles within half a turn
+                either way, of spatial rotations the quaternion.
 
         Returns:
-            A float for a joint with one coordinate, else an array (number of coordinates,).
+            A float for one coordinate, else an array (number of coordinates,).
 
         Raises:
             UnknownNameError: no such joint.
-            ArgumentError: its coordinates are not part of the state.
+            ArgumentError: there is no such coordinate, or the joint is not part of a state that was pickled, or read
+                from a file, without its model.
+
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar")
+        >>> state = m.assemble({"A": 0.5}, rates={"A": 1.0})
+        >>> [joint for joint in m.joints if joint not in state.names], len({state.position(j) for j in m.joints})
+        (['C'], 4)
         """
         return super().position(joint)
 

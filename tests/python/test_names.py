@@ -313,9 +313,10 @@ def test_a_coordinate_of_a_joint_is_named_in_targets_and_explained_in_results() 
     assert k.joint("plane").position[-1] == pytest.approx([0.0, 0.0, 0.5], abs=1e-14)
     with pytest.raises(pt.errors.ArgumentError, match=r"has 3 coordinates, counted from 0: plane\.x, plane\.y"):
         m.assemble({pt.Coordinate("plane", 3): 1.0})
-    for read in (state.position, m.simulate(0.1).joint):
-        with pytest.raises(pt.errors.UnknownNameError, match=r"one coordinate of the joint .plane.: ask for the joint"):
-            read("plane.turn")
+    assert state.position("plane.turn") == state.position(turn) == pytest.approx(np.radians(10.0), abs=1e-15)
+    assert state.velocity("plane.y") == state.velocity(pt.Coordinate("plane", 1)) == 2.0
+    with pytest.raises(pt.errors.UnknownNameError, match=r"one coordinate of the joint .plane.: ask for the joint"):
+        m.simulate(0.1).joint("plane.turn")
 
 
 def test_forces_of_an_equilibrium_and_of_inverse_dynamics_are_those_of_a_run() -> None:

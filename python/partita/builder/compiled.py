@@ -339,6 +339,10 @@ class CompiledModel(Equations):
         """One actuator, with what it acts along; for tools."""
         return actuators_of(self._drawn, self.summary, [wanted])[0]
 
+    def laid_out(self, layout: Layout) -> Layout:
+        """The layout for states of this model: they know the joints that are not part of them."""
+        return layout.reading(self.core, self.summary)
+
     def __reduce__(self) -> Any:
         """Pickled as its description, and compiled again when loaded."""
         return _again, (self._drawn, self.coordinates, self._changes)
@@ -370,7 +374,8 @@ def compile_description(description: Description, coordinates: str) -> tuple[Com
     with uncollected():
         summary = json.loads(core.summary)
         layout.fill(summary)
-    return CompiledModel(core, summary, coordinates, writer.notes, text, description), layout
+    model = CompiledModel(core, summary, coordinates, writer.notes, text, description)
+    return model, model.laid_out(layout)
 
 
 @contextmanager

@@ -95,7 +95,10 @@ class Result(Run):
         if time != self.t[i]:
             q, v = self._between(i, time)
         if self._source is not None:
-            return State(time, q.copy(), v.copy(), layout=Layout(self.summary))
+            layout = Layout(self.summary)
+            if isinstance(self._source, ModelSource):
+                layout = layout.reading(self._source.model, self.summary)
+            return State(time, q.copy(), v.copy(), layout=layout)
         return State(time, q.copy(), v.copy(), list(self.names.coordinates), list(self.names.velocities))
 
     def _between(self, i: int, t: float) -> tuple[FloatArray, FloatArray]:
