@@ -13,7 +13,7 @@ from ..errors import ArgumentError
 from ..naming import coordinate_units, index_of, joint_units
 from ..numeric import shown
 from ..result_view import FEW, ResultView, turn_between_outputs
-from .style import shortened
+from .style import plain, shortened
 
 FloatArray = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Abscissa:
 
     def dress(self, ax: Axes) -> None:
         """The label below `ax`."""
-        ax.set_xlabel(self.label, fontsize=9)
+        ax.set_xlabel(plain(self.label), fontsize=9)
 
 
 def abscissa(result: ResultView, x: Any) -> Abscissa:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from .files import PathLike, save_figure
-from .style import COLOURS, FLOOR, dressed, empty, new_figure
+from .style import COLOURS, FLOOR, dressed, empty, new_figure, plain
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
@@ -45,7 +45,7 @@ def plot_comparison(comparison: Compared, path: PathLike | None = None) -> Figur
     """Error, evaluations and time of every row that finished, one line of dots each; `path` saves it too."""
     rows = [row for row in comparison.rows if row.finished]
     figure = new_figure(11.0, 1.8 + 0.28 * max(len(rows), 3))
-    figure.suptitle(f"{comparison.title}: formulations compared", fontsize=12, fontweight="bold")
+    figure.suptitle(plain(f"{comparison.title}: formulations compared"), fontsize=12, fontweight="bold")
     axes = figure.subplots(1, 3, sharey=True)
     columns: tuple[tuple[str, str, list[float | None]], ...] = (
         ("Error", _error_unit(comparison), [row.error for row in rows]),
@@ -64,7 +64,7 @@ def plot_comparison(comparison: Compared, path: PathLike | None = None) -> Figur
         ax.set_xlabel(unit, fontsize=9)
         _logarithmic(ax, "x", [max(value, FLOOR) for _, value in known])
     if rows:
-        axes[0].set_yticks(range(len(rows)), [row.name for row in rows], fontsize=8)
+        axes[0].set_yticks(range(len(rows)), [plain(row.name) for row in rows], fontsize=8)
         axes[0].set_ylim(len(rows) - 0.5, -0.5)
     if path is not None:
         save_figure(figure, path)
@@ -94,7 +94,7 @@ def _logarithmic(ax: Axes, which: str, values: Sequence[float]) -> None:
 def plot_work_precision(found: Precision, path: PathLike | None = None) -> Figure:
     """Error over evaluations and over time, a line for each formulation; `path` saves it too."""
     figure = new_figure(11.0, 4.6)
-    figure.suptitle(f"{found.title}: error against work", fontsize=12, fontweight="bold")
+    figure.suptitle(plain(f"{found.title}: error against work"), fontsize=12, fontweight="bold")
     left, right = figure.subplots(1, 2, sharey=True)
     for ax, title, unit in ((left, "Evaluations", "number"), (right, "Time of the run", "[ms]")):
         label = f"error against the reference{f' [{found.unit}]' if found.unit else ''}"
@@ -128,4 +128,4 @@ def _line(ax: Axes, x: list[float], y: list[float], number: int, label: str) -> 
     """Colours and markers are cycled; in the second cycle the line is dashed."""
     style = "-" if number < len(COLOURS) else "--"
     marker = MARKERS[(number + number // len(COLOURS)) % len(MARKERS)]
-    ax.plot(x, y, style, color=COLOURS[number % len(COLOURS)], marker=marker, ms=4, lw=1.1, label=label)
+    ax.plot(x, y, style, color=COLOURS[number % len(COLOURS)], marker=marker, ms=4, lw=1.1, label=plain(label))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from .files import PathLike, save_figure
-from .style import COLOURS, LIMIT, dressed, legend, level, new_figure, shortened
+from .style import COLOURS, LIMIT, dressed, legend, level, new_figure, plain, shortened
 
 
 class Efforts(Protocol):
@@ -36,7 +36,7 @@ def plot_efforts(found: Efforts, chosen: Sequence[int], path: PathLike | None = 
     """A panel for each unit, with the limits, and the margin below."""
     units = list(dict.fromkeys(found.units[i] for i in chosen))
     figure = new_figure(9.0, 2.4 * (len(units) + 1))
-    figure.suptitle(f"{found.run.title}: efforts", fontsize=12, fontweight="bold")
+    figure.suptitle(plain(f"{found.run.title}: efforts"), fontsize=12, fontweight="bold")
     panels = figure.subplots(len(units) + 1, 1, sharex=True, squeeze=False)[:, 0]
     for ax, unit in zip(panels, units, strict=False):
         own = [i for i in chosen if found.units[i] == unit]

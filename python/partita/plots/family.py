@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from .files import PathLike, save_figure
-from .style import COLOURS, dressed, new_figure
+from .style import COLOURS, dressed, new_figure, plain
 
 
 class Family(Protocol):
@@ -42,7 +42,7 @@ def plot_family(found: Family, coordinate: int, path: PathLike | None = None) ->
     """One coordinate over the parameter: stable parts solid, others dashed."""
     figure = new_figure(7.5, 4.5)
     ax = dressed(figure.subplots(), f"{found.title}: equilibria", found.names[coordinate], time_axis=False)
-    ax.set_xlabel(found.parameter, fontsize=9)
+    ax.set_xlabel(plain(found.parameter), fontsize=9)
     # with the folds and branch points between those of the curve, at which stability changes
     passed = [(i, found.curve_values[i], q, found.curve_negative[i]) for i, q in enumerate(found.curve_q)]
     events = [(_place(found, one), one.value, one.state.q, one.after) for one in (*found.folds, *found.branch_points)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..naming import column_names, joint_units
 from ..result_view import ResultView
 from .abscissa import Abscissa, abscissa
-from .style import COLOURS, Canvas, dressed, empty, ending, legend, level, unit_label
+from .style import COLOURS, Canvas, dressed, empty, ending, legend, level, plain, unit_label
 
 
 def draw_joint(result: ResultView, name: str, canvas: Canvas, axes: str = "world", x: Abscissa | None = None) -> None:
@@ -23,9 +23,8 @@ def draw_joint(result: ResultView, name: str, canvas: Canvas, axes: str = "world
     joint = result.joint(name).in_frame(axes)
     about = result.summary["joints"][result.names.joints.index(name)]
     grid = canvas.subplots(2, 2, sharex=True)
-    canvas.suptitle(
-        f"{result.title}: joint {name} ({joint.kind}, {joint.parent} → {joint.child}){ending(result)}", fontsize=11
-    )
+    title = f"{result.title}: joint {name} ({joint.kind}, {joint.parent} → {joint.child}){ending(result)}"
+    canvas.suptitle(plain(title), fontsize=11)
     q_units, v_units = joint_units(about)
     words = list(about.get("axes", ()))
     _motion(grid[0, 0], x, joint.position, column_names("", words, len(q_units)), "Position", q_units)

@@ -13,7 +13,7 @@ from ..errors import ArgumentError
 from ..naming import goal_name
 from ..numeric import shown
 from .files import PathLike, save_figure
-from .style import COLOURS, dressed, new_figure
+from .style import COLOURS, dressed, new_figure, plain
 
 FloatArray = NDArray[np.float64]
 TITLES = {
@@ -115,10 +115,10 @@ def plot_singularities(found: SingularPositions, of: Any, ax: Any, path: PathLik
         closed = part.closed and of is not None
         joined = (np.append(x, x[:1]), np.append(y, y[:1])) if closed else _unwound(x, y, part)
         style = {"linestyle": "none", "marker": "o", "markersize": 5} if single else {"linewidth": 1.6}
-        ax.plot(*joined, color=colour, label=named if i == 0 or (single and not found.curves) else None, **style)
+        ax.plot(*joined, color=colour, label=plain(named) if i == 0 or (single and not found.curves) else None, **style)
     if not ax.get_title(loc="left"):
         dressed(ax, f"{found.title}: singular {found.kind}", labels[1], time_axis=False)
-        ax.set_xlabel(labels[0], fontsize=9)
+        ax.set_xlabel(plain(labels[0]), fontsize=9)
     if of is None and not ax.images and not ax.collections:
         ax.set_xlim(*found.limits[0])
         if len(found.keys) == 2:
@@ -175,7 +175,7 @@ def plot_workspace(found: Maps, of: str, ax: Any, path: PathLike | None) -> Figu
         )
         ax.set_facecolor("#eeeeee")
         figure.colorbar(mesh, ax=ax, label=TITLES[of])
-    ax.set_xlabel(label, fontsize=9)
+    ax.set_xlabel(plain(label), fontsize=9)
     if path is not None:
         save_figure(figure, path)
     return figure
@@ -189,7 +189,7 @@ def plot_placement(found: Ranking, path: PathLike | None) -> Figure:
     rows = np.arange(len(sets))[::-1]
     ax.barh(rows + 0.18, [one.typical for one in sets], 0.34, color="#c6d8ea", label="typical margin")
     ax.barh(rows - 0.18, [one.worst for one in sets], 0.34, color=COLOURS[0], label="worst margin")
-    ax.set_yticks(rows, [", ".join(one.names) for one in sets])
+    ax.set_yticks(rows, [plain(", ".join(one.names)) for one in sets])
     ax.set_xlabel("margin", fontsize=9)
     ax.legend(loc="lower right", fontsize=8, frameon=True, framealpha=0.9)
     if path is not None:

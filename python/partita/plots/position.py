@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..numeric import shown
 from .files import PathLike, save_figure
-from .style import new_figure, shortened
+from .style import new_figure, plain, shortened
 
 FloatArray = NDArray[np.float64]
 
@@ -50,13 +50,13 @@ def plot_position(
     shift = 0.012 * (picture.across[1] - picture.across[0])
     for name, (x, y) in list(names.items())[:MOST_NAMES]:
         axes.annotate(shortened(name), (x + shift, y + shift), fontsize=8, color="#1d2730")
-    axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
+    axes.set_title(plain(title), loc="left", fontsize=10, fontweight="bold")
     axes.set_xlabel(f"{_named(picture.axes[0])} [m]", fontsize=9)
     axes.set_ylabel(f"{_named(picture.axes[1])} [m]", fontsize=9)
     axes.tick_params(labelsize=8)
     if warning:
-        axes.text(0.5, -0.14, warning, transform=axes.transAxes, ha="center", va="top", fontsize=8, color="#b3261e",
-                  wrap=True)  # fmt: skip
+        axes.text(0.5, -0.14, plain(warning), transform=axes.transAxes, ha="center", va="top", fontsize=8,
+                  color="#b3261e", wrap=True)  # fmt: skip
     figure = axes.get_figure(root=True)
     assert isinstance(figure, Figure)
     if path is not None:

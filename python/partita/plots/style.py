@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,7 @@ Canvas = Figure | SubFigure
 
 COLOURS = ("#1f6fb4", "#d95f02", "#1b9e77", "#b03060", "#7570b3", "#a6761d", "#e7298a", "#4d4d4d")
 LIMIT = len(COLOURS)
+_DOLLAR = re.compile(r"(?<!\\)\$")
 FLOOR = 1e-17
 """Drawn instead of an exact zero on a logarithmic axis."""
 
@@ -26,8 +28,8 @@ def new_figure(width: float, height: float) -> Figure:
 
 def dressed(ax: Axes, title: str, ylabel: str, *, time_axis: bool = True) -> Axes:
     """Title, labels and a quiet grid."""
-    ax.set_title(title, loc="left", fontsize=10, fontweight="bold")
-    ax.set_ylabel(ylabel, fontsize=9)
+    ax.set_title(plain(title), loc="left", fontsize=10, fontweight="bold")
+    ax.set_ylabel(plain(ylabel), fontsize=9)
     if time_axis:
         ax.set_xlabel("time [s]", fontsize=9)
     ax.tick_params(labelsize=8)
@@ -57,9 +59,15 @@ def legend(ax: Axes, shown: int, total: int, what: str, right: Axes | None = Non
         )
 
 
+def plain(text: str) -> str:
+    """`text` that Matplotlib draws as it is: what stands between two "$" would be typeset as a formula. Applied twice,
+    it changes nothing more."""
+    return _DOLLAR.sub(r"\\$", text)
+
+
 def shortened(name: str, limit: int = 18) -> str:
-    """`name` cut in the middle, for legends."""
-    return name if len(name) <= limit else f"{name[: limit // 2]}…{name[-(limit // 2 - 1) :]}"
+    """`name` cut in the middle, for legends; drawn as it is."""
+    return plain(name if len(name) <= limit else f"{name[: limit // 2]}…{name[-(limit // 2 - 1) :]}")
 
 
 def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -82,13 +90,13 @@ def reporting(result: ResultView, values: NDArray[np.float64], limit: int = LIMI
 def unit_label(units: Sequence[str]) -> str:
     """`[rad]`, or `[m, rad]` when columns differ; empty when none is known."""
     known = sorted({unit for unit in units if unit not in ("", "1")})
-    return f" [{', '.join(known)}]" if known else ""
+    return plain(f" [{', '.join(known)}]") if known else ""
 
 
 def headline(result: ResultView, canvas: Canvas) -> None:
     """Name of the mechanism and how the run ended, over the whole figure."""
     colour = "#222222" if result.success else "#a01010"
-    canvas.suptitle(f"{result.title}{ending(result)}", fontsize=12, fontweight="bold", color=colour)
+    canvas.suptitle(plain(f"{result.title}{ending(result)}"), fontsize=12, fontweight="bold", color=colour)
 
 
 def ending(result: ResultView) -> str:
@@ -98,7 +106,9 @@ def ending(result: ResultView) -> str:
 
 def empty(ax: Axes, why: str) -> None:
     """A panel with nothing to draw states the reason."""
-    ax.text(0.5, 0.5, why, transform=ax.transAxes, ha="center", va="center", fontsize=9, color="#666666", wrap=True)
+    ax.text(
+        0.5, 0.5, plain(why), transform=ax.transAxes, ha="center", va="center", fontsize=9, color="#666666", wrap=True
+    )
     ax.set_xticks([])
     ax.set_yticks([])
 

@@ -24,6 +24,9 @@ from .source import BODIES, ModelSource, Span
 
 Array = NDArray[Any]
 
+LONGEST_VARIABLE = 53
+"""Characters of the name of an array in files: with the ending of its axis, `_component`, the 63 that MATLAB reads."""
+
 
 @dataclass(frozen=True, repr=False)
 class SensorResult:
@@ -47,9 +50,14 @@ def account_of(sensors: Mapping[str, SensorRecord], summary: Mapping[str, Any]) 
     found: list[dict[str, str]] = []
     taken: set[str] = set()
     for name, record in sensors.items():
-        variable = "sensor_" + re.sub(r"\W", "_", name, flags=re.ASCII)
+        whole = "sensor_" + re.sub(r"\W", "_", name, flags=re.ASCII)
+        variable, number = whole[:LONGEST_VARIABLE], 0
         while variable in taken or variable.endswith(("_name", "_unit", "_length")):
-            variable += "_"
+            if len(variable) < LONGEST_VARIABLE:
+                variable += "_"
+                continue
+            number += 1
+            variable = f"{whole[: LONGEST_VARIABLE - 1 - len(str(number))]}_{number}"
         taken.add(variable)
         unit = unit_of(record, sensors, summary.get("joints", ()))
         found.append({"name": name, "variable": variable, "unit": unit, "text": text_of(record)})
