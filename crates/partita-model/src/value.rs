@@ -27,6 +27,10 @@ pub trait Functions: Send + Sync {
     fn sees_state(&self, _i: usize) -> bool {
         true
     }
+    /// Whether nobody waits for the model with these functions any more: what takes long ends early, undecided.
+    fn is_abandoned(&self) -> bool {
+        false
+    }
     /// Where function `i` is given from outside and not called: place of its number, or of the first one of the course of a
     /// drive: the time from which on it applies, and the coefficients of a cubic from there on, lowest first.
     fn given(&self, _i: usize) -> Option<usize> {

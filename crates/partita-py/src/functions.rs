@@ -4,15 +4,28 @@ use crate::arrays::entries;
 use numpy::ToPyArray;
 use partita_model::value::{Functions, RELATION, TURNING};
 use pyo3::prelude::*;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::Arc;
 
 type Fault = Box<dyn std::error::Error + Send + Sync>;
 
 /// The callables given with a description.
-pub struct Callables(pub Vec<Py<PyAny>>);
+pub struct Callables {
+    functions: Vec<Py<PyAny>>,
+    abandoned: AtomicBool,
+}
 
 impl Callables {
+    /// These functions.
+    pub fn new(functions: Vec<Py<PyAny>>) -> Self {
+        Self { functions, abandoned: AtomicBool::new(false) }
+    }
+
+    /// Nobody waits for the model that is compiled with them.
+    pub fn abandon(&self) {
+        self.abandoned.store(true, Ordering::Relaxed);
+    }
+
     fn call<T>(
         &self,
         i: usize,
@@ -22,7 +35,7 @@ impl Callables {
         read: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
     ) -> Result<T, Fault> {
         Python::attach(|py| {
-            let result = self.0[i].bind(py).call1((t, q.to_pyarray(py), v.to_pyarray(py)))?;
+            let result = self.functions[i].bind(py).call1((t, q.to_pyarray(py), v.to_pyarray(py)))?;
             read(&result)
         })
         .map_err(|e: PyErr| Box::new(e) as Fault)
@@ -31,7 +44,10 @@ impl Callables {
 
 impl Functions for Callables {
     fn count(&self) -> usize {
-        self.0.len()
+        self.functions.len()
+    }
+    fn is_abandoned(&self) -> bool {
+        self.abandoned.load(Ordering::Relaxed)
     }
     fn scalar(&self, i: usize, t: f64, q: &[f64], v: &[f64]) -> Result<f64, Fault> {
         self.call(i, t, q, v, |x| x.extract::<f64>())
@@ -64,7 +80,7 @@ impl Functions for Callables {
     }
     fn law(&self, i: usize, t: f64, seen: &[f64], out: &mut [f64]) -> Result<(), Fault> {
         let x = Python::attach(|py| {
-            let x = self.0[i].bind(py).call1((t, seen.to_pyarray(py)))?;
+            let x = self.functions[i].bind(py).call1((t, seen.to_pyarray(py)))?;
             match entries(&x) {
                 Some(x) => Ok(x),
                 None => x.extract::<Vec<f64>>(),
@@ -79,7 +95,7 @@ impl Functions for Callables {
     }
     fn turning(&self, i: usize, t: f64) -> Result<[f64; TURNING], Fault> {
         let x = Python::attach(|py| {
-            let x = self.0[i].bind(py).call1((t,))?;
+            let x = self.functions[i].bind(py).call1((t,))?;
             match entries(&x) {
                 Some(x) => Ok(x),
                 None => x.extract::<Vec<f64>>(),
@@ -92,7 +108,7 @@ impl Functions for Callables {
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
         Python::attach(|py| {
-            let (a, b, c) = self.0[i].bind(py).call1((t,))?.extract::<(f64, f64, f64)>()?;
+            let (a, b, c) = self.functions[i].bind(py).call1((t,))?.extract::<(f64, f64, f64)>()?;
             Ok([a, b, c])
         })
         .map_err(|e: PyErr| Box::new(e) as Fault)

@@ -12,7 +12,7 @@ use crate::run::{self, ClosedStates, Options};
 use crate::state::{self, Array};
 use crate::summary::summary;
 use crate::tangent::TangentFunctions;
-use crate::waiting::heard;
+use crate::waiting::{heard, patiently};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis as analysis;
 use partita_analysis::instant::Levels;
@@ -154,8 +154,12 @@ impl Model {
                 let fields = [("element", "mechanism".into()), ("name", "".into())];
                 raise(py, "DescriptionError", &format!("the description cannot be read: {e}"), &fields)
             })?;
-            let functions = Arc::new(Callables(functions));
-            let inner = heard(py, long, move || Inner::new(spec, functions, coordinates))?
+            let functions = Arc::new(Callables::new(functions));
+            // the geometric errors of drawings with loops are examined
+            let long = long || spec.joints.len() > spec.bodies.len();
+            let (called, name) = (functions.clone(), spec.name.clone());
+            let inner = patiently(py, long, &name, move || Inner::new(spec, functions, coordinates))
+                .inspect_err(|_| called.abandon())?
                 .map_err(|e| failure::description(py, &e))?;
             Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
@@ -165,7 +169,19 @@ impl Model {
     fn with_parameters(&self, py: Python<'_>, changes: Vec<(String, Vec<f64>)>) -> PyResult<Self> {
         guarded(py, || {
             let changes: Vec<(&str, &[f64])> = changes.iter().map(|(name, x)| (name.as_str(), &x[..])).collect();
-            let inner = self.inner.with_parameters(&changes).map_err(|e| failure::description(py, &e))?;
+            // a repair is repeated
+            let long = self.inner.geometry().drawn.is_some();
+            let inner = if long {
+                let owned: Vec<(String, Vec<f64>)> = changes.iter().map(|(name, x)| (name.to_string(), x.to_vec())).collect();
+                let (model, name) = (self.inner.clone(), self.inner.spec.name.clone());
+                patiently(py, true, &name, move || {
+                    let changes: Vec<(&str, &[f64])> = owned.iter().map(|(name, x)| (name.as_str(), &x[..])).collect();
+                    model.with_parameters(&changes)
+                })?
+            } else {
+                self.inner.with_parameters(&changes)
+            };
+            let inner = inner.map_err(|e| failure::description(py, &e))?;
             Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
     }

@@ -4,8 +4,7 @@ use crate::manifold::scaled::Scaled;
 use crate::manifold::truncated::{Cut, Motions, Truncated};
 use crate::manifold::{Ending, Room};
 use crate::system::{ConstrainedSystem, SystemError};
-use partita_math::dense::Matrix;
-use partita_math::factor::{svd, svd_full};
+use partita_math::factor::{qr_null_space_by, svd};
 
 /// Result of a closing.
 pub struct Closed {
@@ -13,16 +12,6 @@ pub struct Closed {
     pub closure_error: f64,
     /// The displacement, in characteristic displacements, summed over the iterations.
     pub moved: Vec<f64>,
-}
-
-/// Null spaces of C at one position.
-pub struct Nulls {
-    /// Singular values, descending.
-    pub values: Vec<f64>,
-    /// Motions free of all rows, in characteristic displacements.
-    pub motions: Vec<Vec<f64>>,
-    /// Self-stresses: combinations of rows, relative to their sizes, that do no work on any motion.
-    pub stresses: Vec<Vec<f64>>,
 }
 
 /// The loop closures of a system, drives released, at time t.
@@ -69,18 +58,13 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
         self.closings.open_at(q)
     }
 
-    /// Singular values at q, and both null spaces.
-    pub fn nulls(&mut self, q: &[f64], cut: Cut) -> Result<Nulls, SystemError> {
+    /// Self-stresses at q: orthonormal combinations of rows, relative to their sizes, that do no work on any motion. By
+    /// pivots, which are cheaper than singular values.
+    pub fn stresses(&mut self, q: &[f64], cut: Cut) -> Result<Vec<Vec<f64>>, SystemError> {
         let (_, c) = self.closings.look(q)?;
-        let (rows, n) = (c.rows(), c.cols());
-        let Ok(f) = svd_full(&c) else { return Ok(Nulls { values: vec![0.0], motions: vec![], stresses: vec![] }) };
-        let rank = cut.count(&f.s);
-        let column = |x: &Matrix, j: usize| (0..x.rows()).map(|i| x[(i, j)]).collect::<Vec<f64>>();
-        Ok(Nulls {
-            motions: (rank..n).map(|j| column(&f.v, j)).collect(),
-            stresses: (rank..rows).map(|j| column(&f.u, j)).collect(),
-            values: f.s,
-        })
+        let Ok(f) = qr_null_space_by(&c.transpose(), &mut |pivots| cut.count(pivots)) else { return Ok(Vec::new()) };
+        let column = |j: usize| (0..f.null.rows()).map(|i| f.null[(i, j)]).collect();
+        Ok((0..f.null.cols()).map(column).collect())
     }
 
     /// Singular values at q, descending.

@@ -13,4 +13,4 @@ mod tests;
 pub use crate::manifold::truncated::{Cut, Motions};
 pub use branch::{Branch, BranchPoint};
 pub use exact::{exact, pivots, weakest, Exact};
-pub use kernel::{Closed, Kernel, Nulls};
+pub use kernel::{Closed, Kernel};

@@ -26,6 +26,9 @@ use partita_system::SystemError;
 pub(super) const OWN: usize = 12;
 /// Rounds: quadratic from 1e-4 to rounding in three or four, linear next to double roots.
 const ROUNDS: usize = 14;
+/// Rounds in a row that do not halve the closure error before a change is given up. Reason: near a double root each gains
+/// a factor of four; where the weakest singular values must be used first, four rounds descend to them.
+const IDLE: usize = 4;
 /// Number of positions at which the self-stresses are evaluated.
 const PLACES: usize = 14;
 /// Number of them in large blocks, at least.
@@ -97,7 +100,11 @@ impl Drawing {
         let count = self.position_count(kernel);
         let mut at: Vec<Vec<f64>> = spread(points, kernel, count).into_iter().map(|x| x.q.clone()).collect();
         let (mut before, mut nothing) = (f64::INFINITY, super::WEAK_CONDITION);
+        let (mut best, mut idle) = (f64::INFINITY, 0);
         for round in 0..ROUNDS {
+            if self.is_abandoned() {
+                return Ok(None);
+            }
             let (rows, closure_error) = now.asked(&mut at, cut, &now.conditions(kept))?;
             if at.len() < FEWEST || rows.rows() * rows.cols().pow(2) > LARGEST {
                 return Ok(None);
@@ -106,7 +113,8 @@ impl Drawing {
             if worst < tolerance::ROUNDING || worst < tolerance::CLOSED && worst > tolerance::CONVERGES * before {
                 return Ok(Some(change));
             }
-            if !worst.is_finite() {
+            (best, idle) = if worst <= tolerance::CONVERGES * best { (worst, 0) } else { (best, idle + 1) };
+            if !worst.is_finite() || idle >= IDLE {
                 return Ok(None);
             }
             // normally the iteration is quadratic; near a double root little is gained, and values above the rounding
@@ -162,9 +170,9 @@ impl Drawing {
             if kernel.close(&mut q, cut)?.is_none() {
                 continue;
             }
-            let nulls = kernel.nulls(&q, cut)?;
+            let stresses = kernel.stresses(&q, cut)?;
             self.model.full.poses(&q, &mut s);
-            for stress in &nulls.stresses {
+            for stress in &stresses {
                 let mut row = vec![0.0; columns];
                 let weights = stress.iter().zip(&kernel.sizes).map(|(x, size)| x / size);
                 let weighed: Vec<(usize, f64)> = kernel.rows.iter().copied().zip(weights).collect();

@@ -147,6 +147,9 @@ impl Drawing {
 
     /// The drawing at this level: a motion, and the change by which it fits. None where there is none.
     fn at_level(&self, home: &[f64], level: f64, (tolerance, seen): (f64, &Seen)) -> Result<Option<Fit>, SystemError> {
+        if self.is_abandoned() {
+            return Ok(None);
+        }
         let cut = Cut::Level(level);
         let mut there = home.to_vec();
         let mut kernel = Kernel::new(&self.model, 0.0);

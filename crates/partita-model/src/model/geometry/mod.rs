@@ -152,6 +152,11 @@ impl Drawing {
         Some(Self { model, length: known })
     }
 
+    /// Whether nobody waits for the decision any more.
+    fn is_abandoned(&self) -> bool {
+        self.model.functions().is_abandoned()
+    }
+
     /// Whether all conditions are on positions.
     fn is_holonomic(&self) -> bool {
         self.model.size().rows == self.model.size().holonomic
