@@ -138,3 +138,53 @@ def test_bars_without_their_library_name_the_extra(monkeypatch: pytest.MonkeyPat
             pt.sweep(lambda x: x, {"x": [1.0]}, progress=True)
         else:
             pendulum().compare(0.1, progress=True)
+
+
+def folded_sheet(across: int, along: int, digits: int) -> pt.Mechanism:
+    """A Miura sheet of equal parallelograms, half folded, each a body hinged to its neighbours; rounded."""
+    gamma, theta = np.radians(65.0), 0.6
+    cosine, tangent = np.cos(theta), np.tan(gamma)
+    width = cosine * tangent / np.hypot(1.0, cosine * tangent)
+    shift, length = 1.0 / np.hypot(1.0, cosine * tangent), np.sqrt(1.0 - (np.sin(theta) * np.sin(gamma)) ** 2)
+    height = np.sin(theta) * np.sin(gamma)
+    turn = np.linalg.qr(np.array([[0.3, -1.0, 0.2], [0.9, 0.4, 0.5], [-0.2, 0.6, 1.1]]))[0]
+    spots = np.array(
+        [
+            [turn @ [i * width, j * length + i % 2 * shift, j % 2 * height] for j in range(along + 1)]
+            for i in range(across + 1)
+        ]
+    ).round(digits)
+    m = pt.Mechanism("sheet", gravity=None)
+    sheets = {}
+    for i in range(across):
+        for j in range(along):
+            middle = spots[i : i + 2, j : j + 2].mean(axis=(0, 1))
+            first = i == j == 0
+            sheets[i, j] = m.ground if first else m.add_body(f"{i}{j}", 1.0, (0.1, 0.1, 0.1), position=middle)
+    for i in range(across):
+        for j in range(along):
+            for di, dj, p, q in (
+                (1, 0, spots[i + 1, j], spots[i + 1, j + 1]),
+                (0, 1, spots[i, j + 1], spots[i + 1, j + 1]),
+            ):
+                if (i + di, j + dj) in sheets:
+                    m.add_revolute(f"{di}{i}{j}", sheets[i, j], sheets[i + di, j + dj], (p + q) / 2, axis=q - p)
+    return m
+
+
+def test_ctrl_c_stops_a_compilation_within_a_second(caplog: pytest.LogCaptureFixture) -> None:
+    """Of a sheet of 36 parts, which would take long; the compilation that nobody waits for ends soon as well."""
+    m = folded_sheet(4, 4, 4)
+    with pressed_after(0.3) as when, pytest.raises(KeyboardInterrupt):
+        m.compile()
+    assert time.monotonic() - when[0] < 1.0
+    begun = time.process_time()
+    time.sleep(1.5)
+    used = time.process_time()
+    time.sleep(0.3)
+    assert used - begun < 1.5 and time.process_time() - used < 0.2
+    # it moves by one, however it was rounded, and that is found out within a bound
+    small = folded_sheet(3, 3, 6)
+    begun = time.process_time()
+    assert small.compile().mobility == 1
+    assert time.process_time() - begun < 10.0

@@ -4,7 +4,7 @@ use crate::manifold::scaled::Scaled;
 use crate::manifold::truncated::{Cut, Motions, Truncated};
 use crate::manifold::{Ending, Room};
 use crate::system::{ConstrainedSystem, SystemError};
-use partita_math::factor::{qr_null_space_by, svd};
+use partita_math::factor::{svd, svd_full};
 
 /// Result of a closing.
 pub struct Closed {
@@ -59,12 +59,12 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
     }
 
     /// Self-stresses at q: orthonormal combinations of rows, relative to their sizes, that do no work on any motion. By
-    /// pivots, which are cheaper than singular values.
+    /// singular values: with those of a pivoted QR changes of rounded sheets do not converge.
     pub fn stresses(&mut self, q: &[f64], cut: Cut) -> Result<Vec<Vec<f64>>, SystemError> {
         let (_, c) = self.closings.look(q)?;
-        let Ok(f) = qr_null_space_by(&c.transpose(), &mut |pivots| cut.count(pivots)) else { return Ok(Vec::new()) };
-        let column = |j: usize| (0..f.null.rows()).map(|i| f.null[(i, j)]).collect();
-        Ok((0..f.null.cols()).map(column).collect())
+        let Ok(f) = svd_full(&c) else { return Ok(Vec::new()) };
+        let column = |j: usize| (0..f.u.rows()).map(|i| f.u[(i, j)]).collect();
+        Ok((cut.count(&f.s)..f.u.cols()).map(column).collect())
     }
 
     /// Singular values at q, descending.

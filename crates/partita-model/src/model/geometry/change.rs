@@ -114,7 +114,7 @@ impl Drawing {
                 return Ok(Some(change));
             }
             (best, idle) = if worst <= tolerance::CONVERGES * best { (worst, 0) } else { (best, idle + 1) };
-            if !worst.is_finite() || idle >= IDLE {
+            if !worst.is_finite() || idle >= IDLE && !kept.is_empty() {
                 return Ok(None);
             }
             // normally the iteration is quadratic; near a double root little is gained, and values above the rounding
