@@ -421,3 +421,41 @@ def test_elements_name_themselves_first_and_what_they_join_by_one_pair_of_words(
 
 ONE_END = {("add_point_on_curve", "point")}
 """The curve is on the first body, the point on the second."""
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_state_knows_joints_that_are_not_part_of_it(coordinates: str) -> None:
+    """What `kinematics` says of the same position, also with other parameters and from a run; a copy knows it too."""
+    m = pt.catalogue.load("four-bar")
+    state = m.assemble({"A": 0.5}, rates={"A": 2.0}, coordinates=coordinates)
+    k = m.kinematics({"A": 0.5}, rates={"A": 2.0})
+    run = m.simulate(0.02, initial=state, coordinates=coordinates)
+    for name in m.joints:
+        for one in (state, copy.deepcopy(state)):
+            assert one.position(name) == pytest.approx(k.joint(name).position[0, 0], abs=1e-12)
+            assert one.velocity(pt.Coordinate(name)) == pytest.approx(k.joint(name).velocity[0, 0], abs=1e-12)
+        assert run.state(0.02).position(name) == pytest.approx(run.joint(name).position[-1, 0], abs=1e-12)
+    longer = {"D.point": np.array(m.compile().parameters["D.point"]) + [0.05, 0.0, 0.0]}
+    other = m.assemble({"A": 0.5}, parameters=longer, coordinates=coordinates)
+    right = m.kinematics({"A": 0.5}, parameters=longer).joint("C").position[0, 0]
+    assert other.position("C") == pytest.approx(right, abs=1e-12)
+    assert abs(right - state.position("C")) > 1e-3
+    gone = pickle.loads(pickle.dumps(state))
+    if coordinates == "absolute":
+        with pytest.raises(pt.errors.ArgumentError, match="not part of the state"):
+            gone.position("C")
+    assert gone.q.tolist() == state.q.tolist()
+
+
+def test_one_velocity_of_a_joint_is_read_by_its_name() -> None:
+    m = pt.Mechanism("free")
+    m.add_body("body", mass=1.0, inertia=(1, 1, 1))
+    m.add_free("F", m.ground, "body")
+    state = m.assemble({"F.x": 0.3}, rates={"F.wz": 2.0, "F.y": -1.0})
+    assert state.velocity("F.wz") == state.velocity(pt.Coordinate("F", 5)) == 2.0
+    assert state.velocity("F.y") == -1.0 and state.position("F.x") == state.position(pt.Coordinate("F")) == 0.3
+    assert state.velocity("F").tolist() == [0.0, -1.0, 0.0, 0.0, 0.0, 2.0]
+    with pytest.raises(pt.errors.ArgumentError, match=r"has 6 velocities, counted from 0: F\.x"):
+        state.velocity(pt.Coordinate("F", 6))
+    with pytest.raises(pt.errors.UnknownNameError, match=r'no joint "F\.wq"; the joint "F" has F\.x'):
+        state.velocity("F.wq")

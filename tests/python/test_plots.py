@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import partita as pt
 from partita import viewer
 from partita.errors import ArgumentError, UnknownNameError
 from partita.plots.abscissa import abscissa
+from partita.plots.style import plain
 
 
 def lines(figure: Figure, n: int = 0) -> dict[str, np.ndarray]:
@@ -146,3 +148,33 @@ def test_all_words_of_runs_of_every_kind() -> None:
     for run in (run_of("double-wishbone"), run_of("heavy-top"), run_of("rolling-ball"), single):
         run.plot("overview", "coordinates", "velocities", "accelerations", "reactions", "bearings", "paths", "energy")
     assert [line.get_marker() for line in single.plot("velocities").axes[0].get_lines()] == ["o"] * 3  # else unseen
+
+
+def test_names_are_drawn_as_they_are(tmp_path: Path) -> None:
+    """What stands between two dollars would be a formula, and often none: it ended the figure."""
+    word = "$\\frac$"
+    m = pt.Mechanism(f"M {word}")
+    m.add_body(f"s{word}", mass=1.0, inertia=(1, 1, 1))
+    m.add_rod(f"a{word}", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_prismatic(f"P{word}", m.ground, f"s{word}", axis=(1, 0, 0))
+    m.add_revolute(f"A{word}", f"s{word}", f"a{word}", point=(0, 0, 0))
+    m.add_spring(f"k{word}", m.ground, (0, 1, 0), f"a{word}", (1, 0, 0), stiffness=100.0, length=0.5)
+    run = m.simulate(0.3, t_eval=np.linspace(0.0, 0.3, 16))
+    goals = {f"A{word}": np.linspace(0.0, 1.0, 3), f"P{word}": np.linspace(0.0, 1.0, 3)}
+    w = m.workspace(goals)
+    figures = [
+        run.plot("overview", "bearings", "paths", f"A{word}", f"P{word}", path=tmp_path / "run.svg"),
+        run.plot("velocities", x=f"A{word}"),
+        m.equilibrium(stable=True).plot(),
+        m.equilibrium(along={f"k{word}.stiffness": [100.0, 200.0]}, stable=True).plot(),
+        m.kinematics({f"A{word}": np.linspace(0.0, 1.0, 5), f"P{word}": 0.0}, rates={f"A{word}": 1.0}).plot(),
+        w.plot(),
+        m.placement(2, over=w).plot(),
+        m.inverse_dynamics(run, [f"A{word}", f"P{word}"]).plot(),
+        m.plot(),
+    ]
+    for i, figure in enumerate(figures):
+        figure.savefig(tmp_path / f"{i}.png")
+    # in the legend stands the name itself
+    assert "M $\\frac$" in (tmp_path / "run.svg").read_text() or figures[0].get_suptitle() == "M \\$\\frac\\$"
+    assert plain("a $ b") == plain(plain("a $ b")) == "a \\$ b" and plain("no") == "no"

@@ -540,3 +540,19 @@ def test_a_law_that_reads_a_joint_by_sensors_is_the_spring_and_damper(coordinate
     runs = [drawn(by).simulate(0.5, coordinates=coordinates, rtol=1e-10, t_eval=[0.0, 0.5]) for by in (True, False)]
     for name in "AB":
         np.testing.assert_allclose(*(run.joint(name).position for run in runs), atol=1e-8)
+
+
+def test_sensors_with_long_names_are_stored_for_matlab(tmp_path: Path) -> None:
+    """MATLAB reads 63 characters of a name; two that differ behind them stay two, in every format."""
+    m = full()
+    long = "the_distance_of_the_tool_of_the_left_arm_from_the_plane_of_the_table_"
+    for ending in ("a", "b", "name"):
+        m.add_sensor(long + ending, ["tip"], function=lambda t, x: x[:2])
+    run = m.simulate(0.1)
+    for name in ("x.mat", "x.json", "x.nc"):
+        run.save(tmp_path / name)
+        again = pt.load_result(tmp_path / name)
+        for ending in ("a", "b", "name"):
+            assert np.array_equal(again.sensor(long + ending).values, run.sensor(long + ending).values)
+    variables = [item["variable"] for item in run.summary["sensors"]]
+    assert len(set(variables)) == len(variables) and max(map(len, variables)) <= 53
