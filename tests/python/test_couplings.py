@@ -489,3 +489,24 @@ def test_a_start_far_from_the_drawing_is_remarked(tmp_path: Path) -> None:
     assert not near.check().remarks
     again = pt.load(anchored(None).save(tmp_path / "anchored.toml").path)
     assert again.to_spec() == anchored(None).to_spec()
+
+
+@pytest.mark.parametrize("polar", [True, False])
+def test_curves_are_saved_and_read_again(tmp_path: Path, polar: bool) -> None:
+    """The outline of a cam by angle and radius, and a rail: the file gives the same motion, and is written alike."""
+    m = pt.Mechanism("cam", gravity=None)
+    bead = m.add_body("bead", mass=1.0, inertia=(1, 1, 1), position=(1.2, 0, 0))
+    m.add_planar("P", m.ground, bead)
+    if polar:
+        angle = np.linspace(0.0, 2.0 * np.pi, 73)
+        curve = angle, np.where(angle < 6.0, 1.0 + 0.2 * np.cos(angle), 1.0 + 0.2 * np.cos(angle - 2.0 * np.pi))
+        curve[1][-1] = curve[1][0]
+    else:
+        curve = np.linspace(-1.0, 3.0, 41), np.linspace(-1.0, 3.0, 41) ** 2 - 1.44
+    m.add_point_on_curve("line", m.ground, bead, (0, 0, 0), curve, origin=(0, 0, 0.5), polar=polar)
+    m.save(tmp_path / "cam.toml")
+    again = pt.load(tmp_path / "cam.toml")
+    runs = [x.simulate(0.5, initial=x.assemble(rates={"P.y": 0.4})) for x in (m, again)]
+    assert runs[0].success and np.array_equal(runs[0].q, runs[1].q) and np.ptp(runs[0].q[:, 1]) > 0.1
+    again.save(tmp_path / "again.toml")
+    assert (tmp_path / "again.toml").read_text() == (tmp_path / "cam.toml").read_text()

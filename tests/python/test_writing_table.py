@@ -70,7 +70,7 @@ OTHERS: dict[str, Add] = {
     "distance": lambda m, name: m.add_distance(name, "a", (0, 0, 0.1), "c", (0, 0, 0)),
     "rolling": lambda m, name: m.add_rolling(name, "c", 0.2, ball=True, point=(0, 0, -0.2), normal=(0, 0, 1)),
     "point on curve": lambda m, name: m.add_point_on_curve(
-        name, "a", "c", (0, 0, 0), curve=lambda u: (np.cos(u), np.sin(u))
+        name, "a", "c", (0, 0, 0), curve=([-9.0, -3.0, 3.0, 9.0], [0.0, 0.1, 0.3, 0.2])
     ),
     "constraint": lambda m, name: m.add_constraint(name, lambda t, u, v: u - v, of=["U", "V"]),
     "drive": lambda m, name: m.add_drive("V", velocity=1.0, name=name),

@@ -58,7 +58,7 @@ _STAGES = (
     ("body", "rod"),
     ("joint",),
     ("compliance",),
-    ("coupler", "gear", "belt", "rack", "distance", "cam", "rolling"),
+    ("coupler", "gear", "belt", "rack", "distance", "cam", "point_on_curve", "rolling"),
     ("rotor",),
     ("drive",),
 )

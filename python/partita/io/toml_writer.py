@@ -170,6 +170,8 @@ def _coupling(record: CouplingRecord) -> str:
         }
         length = {"length": data["offset"]} if method == "add_distance" else {}
         return _table(f"[[{method.removeprefix('add_')}]]", {"name": record.name, **entries, **length})
+    if method == "add_point_on_curve":
+        return _table("[[point_on_curve]]", _on_curve(record, arguments))
     match record.kind:
         case "linear":
             return _table("[[coupler]]", {"name": record.name, "terms": list(record.terms), **data, **word})
@@ -182,6 +184,23 @@ def _coupling(record: CouplingRecord) -> str:
             ball, slips = (True if value else None for value in (data["axis"] is None, data["slips"]))
             return _table("[[rolling]]", {"name": record.name, **data, "slips": slips, "ball": ball})
     return str(_value(Element("coupling", record.name), data["function"]))
+
+
+def _on_curve(record: CouplingRecord, arguments: Mapping[str, Any]) -> Entries:
+    """Axes that are the default are omitted."""
+    usual = {"origin": (0.0, 0.0, 0.0), "x_axis": (1.0, 0.0, 0.0), "y_axis": (0.0, 1.0, 0.0)}
+    entries = {
+        key: None if key in usual and np.array_equal(value, usual[key]) else value
+        for key, value in arguments.items()
+        if key != "curve"
+    }
+    if "polar" in arguments:
+        x, y = arguments["curve"]
+    elif record.kind == "curve":
+        x, y = record.data["curve"].times, record.data["curve"].values
+    else:
+        _value(Element(record.word, record.name), record.data["function"])
+    return {"name": record.name, **entries, "curve": {"x": x, "y": y}}
 
 
 def _force(record: ForceLike) -> str:

@@ -101,7 +101,7 @@ _ROWS = (
     _row("rolling", _FREE),
     _row("cam", _FREE, toml=_GIVEN),
     _row("constraint", _FREE, toml=Fate(REFUSED, _PYTHON)),
-    _row("point on curve", _FREE, toml=Fate(REFUSED, "model files have no such table; add it after loading")),
+    _row("point on curve", _FREE, toml=_GIVEN),
     _row(
         "rotor",
         Fate(WRITTEN, "a `transmission` with `drake:rotor_inertia`"),
