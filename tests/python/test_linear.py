@@ -464,3 +464,27 @@ def test_loads_that_change_with_time_are_not_steady(coordinates, t0):
     m.add_torque("A", lambda t, s: np.sin(t - t0))
     lin = m.linearize(m.assemble(rates={"A": 2.0}, t=t0, coordinates=coordinates), coordinates=coordinates)
     assert not lin.steady
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("mass", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_damped_modes_on_a_light_frame_do_not_grow(mass: float, coordinates: str) -> None:
+    """A pendulum on a frame held by springs of 10 kN/m with little damping: its own mode decays as the dampers want,
+    whatever the frame weighs; that gives frequencies of 1e7 rad/s beside 3.8 rad/s."""
+    decay = []
+    for damping in (1e-3, 1.0):
+        m = pt.Mechanism("frame")
+        m.add_body("frame", mass=mass, inertia=(mass * 1e-2,) * 3)
+        m.add_planar("S", m.ground, "frame", normal=(0, 0, 1))
+        m.add_rod("rod", start=(0, 0, 0), end=(0, -1, 0), mass=1.0)
+        m.add_revolute("A", "frame", "rod", point=(0, 0, 0))
+        for i, (x, y) in enumerate(((1, 0), (-1, 0), (0, 1))):
+            ends = m.ground, (x, y, 0), "frame", (0.1 * x, 0.1 * y, 0)
+            m.add_spring(f"s{i}", *ends, stiffness=1e4, length=0.9, damping=damping)
+        found = m.linearize(m.equilibrium(stable=True, coordinates=coordinates), coordinates=coordinates).modes()
+        slowest = found.eigenvalues[np.argsort(np.abs(found.eigenvalues))[0]]
+        assert abs(slowest) == pytest.approx(3.835, abs=1e-3)
+        assert found.eigenvalues.real.max() < 0.0
+        decay.append(slowest.real)
+    # proportional to the damper, to the last digits of what is far below the largest eigenvalue
+    assert decay[0] == pytest.approx(-4.05e-10, rel=2e-2) and decay[1] == pytest.approx(1e3 * decay[0], rel=1e-2)

@@ -369,14 +369,75 @@ fn forward_columns(factor: &[f64], k: usize, x: &Matrix) -> Matrix {
     out
 }
 
-/// Eigenvalues and eigenvectors of A, balanced by the natural sizes of the states.
+/// States x = T y in which A is nearly normal, if it is that of M_d u' + D u + K z = 0: modes of M_d and K without D and
+/// what is skew in K, displacements times their frequencies. Masses and stiffnesses of very different sizes then lose
+/// nothing.
+///
+/// `y' = [0  Ω; −Vᵀ L⁻¹ K L⁻ᵀ V Ω⁻¹  −Vᵀ L⁻¹ D L⁻ᵀ V] y,   M_d = L Lᵀ`
+fn of_second_order(found: &FirstOrder) -> Option<(Matrix, Matrix)> {
+    let k = found.velocities.len();
+    if found.positions != found.velocities || found.f0.len() != 2 * k || found.mass.rows() != k {
+        return None;
+    }
+    let (a, m, stiffness, damping) = (&found.a, &found.mass, &found.stiffness, &found.damping);
+    let top = |i: usize, j: usize| a[(i, j)] == if j == i + k { 1.0 } else { 0.0 };
+    if !(0..k).all(|i| (0..2 * k).all(|j| top(i, j))) {
+        return None;
+    }
+    // forces of A, and those of the parts
+    for i in 0..k {
+        for j in 0..2 * k {
+            let terms: Vec<f64> = (0..k).map(|l| m[(i, l)] * a[(k + l, j)]).collect();
+            let part = if j < k { stiffness[(i, j)] } else { damping[(i, j - k)] };
+            let size = terms.iter().fold(part.abs(), |s: f64, x| s.max(x.abs()));
+            if (terms.iter().sum::<f64>() + part).abs() > tolerance::DIFFERENCE_ROUNDING * size {
+                return None;
+            }
+        }
+    }
+    let mut factor = m.data().to_vec();
+    factor::cholesky_large(&mut factor, k).ok()?;
+    let reduced = |x: &Matrix| {
+        let half = forward_columns(&factor, k, x).transpose();
+        forward_columns(&factor, k, &half).transpose()
+    };
+    let (stiffness, damping) = (reduced(stiffness), reduced(damping));
+    let mean = |e: usize| 0.5 * (stiffness[(e / k, e % k)] + stiffness[(e % k, e / k)]);
+    let symmetric = Matrix::from_vec(k, k, (0..k * k).map(mean).collect::<Vec<f64>>());
+    let (squares, v) = factor::symmetric_eigen(&symmetric).ok()?;
+    let largest = squares.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let least = if largest > 0.0 { tolerance::SOLUTION_ROUNDING * largest } else { 1.0 };
+    let frequency: Vec<f64> = squares.iter().map(|x| x.abs().max(least).sqrt()).collect();
+    let turned = |x: &Matrix| v.transpose().matmul(&x.matmul(&v));
+    let (mut stiffness, damping) = (turned(&stiffness), turned(&damping));
+    (0..k).for_each(|i| stiffness[(i, i)] = squares[i]);
+    let (mut scaled, mut back) = (Matrix::new(2 * k, 2 * k), Matrix::new(2 * k, 2 * k));
+    for j in 0..k {
+        scaled[(j, j + k)] = frequency[j];
+        let mut y: Vec<f64> = (0..k).map(|i| v[(i, j)]).collect();
+        dense::cholesky_backward(&factor, k, &mut y);
+        for i in 0..k {
+            scaled[(k + i, j)] = -stiffness[(i, j)] / frequency[j];
+            scaled[(k + i, k + j)] = -damping[(i, j)];
+            back[(i, j)] = y[i] / frequency[j];
+            back[(k + i, k + j)] = y[i];
+        }
+    }
+    Some((scaled, back))
+}
+
+/// Eigenvalues and eigenvectors of A, balanced: by modes, or by the natural sizes of the states.
 fn modes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Result<Modes, FactorError> {
     let (count, kz, n) = (found.f0.len(), found.displacements.cols(), found.displacements.rows());
-    let sizes = sizes(system, found);
-    let mut balanced = found.a.clone();
-    for i in 0..count {
-        (0..count).for_each(|j| balanced[(i, j)] *= sizes[j] / sizes[i]);
-    }
+    let (balanced, back) = of_second_order(found).unwrap_or_else(|| {
+        let (sizes, mut balanced) = (sizes(system, found), found.a.clone());
+        let mut back = Matrix::new(count, count);
+        for i in 0..count {
+            (0..count).for_each(|j| balanced[(i, j)] *= sizes[j] / sizes[i]);
+            back[(i, i)] = sizes[i];
+        }
+        (balanced, back)
+    });
     let Eigen { mut values, re, im } = factor::general_eigen(&balanced)?;
     let largest = values.iter().fold(0.0, |m: f64, x| m.max(x.0.hypot(x.1)));
     let zero = tolerance::SOLUTION_ROUNDING.sqrt() * largest;
@@ -386,7 +447,9 @@ fn modes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Result<Modes, 
         size(values[a]).total_cmp(&size(values[b])).then(values[b].1.total_cmp(&values[a].1))
     });
     let shape = |m: &Matrix, j: usize| -> Vec<f64> {
-        (0..n).map(|l| (0..kz).map(|i| found.displacements[(l, i)] * sizes[i] * m[(i, j)]).sum::<f64>()).collect()
+        let state = |i: usize| (0..count).map(|e| back[(i, e)] * m[(e, j)]).sum::<f64>();
+        let states: Vec<f64> = (0..kz).map(state).collect();
+        (0..n).map(|l| (0..kz).map(|i| found.displacements[(l, i)] * states[i]).sum::<f64>()).collect()
     };
     let shapes = order.iter().map(|&j| (shape(&re, j), shape(&im, j))).collect();
     values = order.iter().map(|&j| values[j]).collect();

@@ -87,7 +87,8 @@ pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
         }
     }
     let least = tolerance::EQUAL * typical_length(spec);
-    let each = points.iter().zip(&spec.bodies).map(|(x, b)| (diameter(x), least.max(spec.drawing_tolerance * gyration(b))));
+    let each =
+        points.iter().zip(&spec.bodies).map(|(x, b)| (diameter(x), least.max(spec.drawing_tolerance * gyration(b))));
     let mut extents: Vec<f64> = each.filter(|(x, least)| x > least && x.is_finite()).map(|(x, _)| x).collect();
     extents.sort_by(f64::total_cmp);
     let errors = spec.drawing_tolerance * extents.last().copied().unwrap_or(0.0);

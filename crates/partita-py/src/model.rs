@@ -172,7 +172,8 @@ impl Model {
             // a repair is repeated
             let long = self.inner.geometry().drawn.is_some();
             let inner = if long {
-                let owned: Vec<(String, Vec<f64>)> = changes.iter().map(|(name, x)| (name.to_string(), x.to_vec())).collect();
+                let owned: Vec<(String, Vec<f64>)> =
+                    changes.iter().map(|(name, x)| (name.to_string(), x.to_vec())).collect();
                 let (model, name) = (self.inner.clone(), self.inner.spec.name.clone());
                 patiently(py, true, &name, move || {
                     let changes: Vec<(&str, &[f64])> = owned.iter().map(|(name, x)| (name.as_str(), &x[..])).collect();

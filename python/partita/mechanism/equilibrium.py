@@ -253,8 +253,8 @@ def _added(model: CompiledModel, start: State, stable: bool, found: list[Equilib
         return False
     there = _described(model, start, one)
     # of a continuum one is listed
-    flat = [other for other in found if other.indifferent and other.indifferent == there.indifferent]
-    if there.indifferent and any(model.core.indifferent(start.t, there.state.q, one.state.q) for one in flat):
+    alike = [other for other in found if other.indifferent and other.indifferent == there.indifferent]
+    if there.indifferent and any(model.core.indifferent(start.t, there.state.q, one.state.q) for one in alike):
         return False
     found.append(there)
     return True
