@@ -435,7 +435,7 @@ def test_a_state_knows_joints_that_are_not_part_of_it(coordinates: str) -> None:
             assert one.position(name) == pytest.approx(k.joint(name).position[0, 0], abs=1e-12)
             assert one.velocity(pt.Coordinate(name)) == pytest.approx(k.joint(name).velocity[0, 0], abs=1e-12)
         assert run.state(0.02).position(name) == pytest.approx(run.joint(name).position[-1, 0], abs=1e-12)
-    longer = {"D.point": np.array(m.compile().parameters["D.point"]) + [0.05, 0.0, 0.0]}
+    longer = {"D.point": np.add(m.compile().parameters["D.point"], (0.05, 0.0, 0.0))}
     other = m.assemble({"A": 0.5}, parameters=longer, coordinates=coordinates)
     right = m.kinematics({"A": 0.5}, parameters=longer).joint("C").position[0, 0]
     assert other.position("C") == pytest.approx(right, abs=1e-12)

@@ -270,8 +270,10 @@ fn same_rows(before: &[ConditionRows], spec: &Spec, placed: &Placed) -> Result<(
 impl Model {
     /// All parameters with their present numbers: see [`parameters`](crate::parameters).
     pub fn parameters(&self) -> Vec<(String, Vec<f64>)> {
-        let mut described = Described::new(&self.spec);
-        Slot::all(&self.spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec())).collect()
+        // those of a repaired mechanism are the numbers of its drawing, from which a repair is repeated
+        let spec = self.geometry().drawn.as_deref().unwrap_or(&self.spec);
+        let mut described = Described::new(spec);
+        Slot::all(spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec())).collect()
     }
 
     /// Whether this number determines the period by which a coupling of several joints counts whole turns.
