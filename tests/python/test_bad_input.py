@@ -362,3 +362,16 @@ def test_an_array_without_dimensions_is_no_list() -> None:
         m.add_force("crank", x)
     with pytest.raises(ArgumentError, match="names must be a list"):
         pt.State(0.0, [0.0], [0.0], names=x)
+
+
+def test_functions_that_return_huge_integers_are_told() -> None:
+    for add in (
+        lambda m: m.add_torque("A", lambda t, state: 10**400, name="load"),
+        lambda m: m.add_force("rod", lambda t, state: (0, 10**400, 0), (1, 0, 0), name="load"),
+    ):
+        m = pt.Mechanism("pendulum")
+        m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        m.add_revolute("A", m.ground, "rod", point=(0, 0, 0))
+        add(m)
+        with pytest.raises(pt.errors.EvaluationError, match=r'force "load" at t = 0 s.*an integer beyond 1e308'):
+            m.simulate(0.1)

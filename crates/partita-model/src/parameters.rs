@@ -270,10 +270,16 @@ fn same_rows(before: &[ConditionRows], spec: &Spec, placed: &Placed) -> Result<(
 impl Model {
     /// All parameters with their present numbers: see [`parameters`](crate::parameters).
     pub fn parameters(&self) -> Vec<(String, Vec<f64>)> {
-        // those of a repaired mechanism are the numbers of its drawing, from which a repair is repeated
-        let spec = self.geometry().drawn.as_deref().unwrap_or(&self.spec);
-        let mut described = Described::new(spec);
-        Slot::all(spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec())).collect()
+        let mut described = Described::new(&self.spec);
+        let all = Slot::all(&self.spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec()));
+        // a repair is repeated from the drawing, which has no frames of its own where the repair made two of one
+        match &self.geometry().drawn {
+            None => all.collect(),
+            Some(drawn) => {
+                let known: HashSet<String> = Slot::all(drawn).into_iter().map(|(name, _)| name).collect();
+                all.filter(|(name, _)| known.contains(name)).collect()
+            }
+        }
     }
 
     /// Whether this number determines the period by which a coupling of several joints counts whole turns.
