@@ -364,7 +364,7 @@ def test_an_array_without_dimensions_is_no_list() -> None:
         pt.State(0.0, [0.0], [0.0], names=x)
 
 
-def test_functions_that_return_huge_integers_are_told() -> None:
+def test_functions_that_return_huge_integers_are_refused() -> None:
     for add in (
         lambda m: m.add_torque("A", lambda t, state: 10**400, name="load"),
         lambda m: m.add_force("rod", lambda t, state: (0, 10**400, 0), (1, 0, 0), name="load"),
