@@ -372,3 +372,16 @@ def test_a_tolerance_that_admits_errors_as_large_as_the_motion_is_refused(name: 
         m.simulate(1.0, **{name: value})
     with pytest.raises(pt.errors.ArgumentError, match=f"{name} is .* at most 1"):
         m.ensemble(states=[m.assemble()], t_eval=[0.0, 1.0], **{name: value})
+
+
+def test_functions_that_return_huge_integers_are_refused() -> None:
+    for add in (
+        lambda m: m.add_torque("A", lambda t, state: 10**400, name="load"),
+        lambda m: m.add_force("rod", lambda t, state: (0, 10**400, 0), (1, 0, 0), name="load"),
+    ):
+        m = pt.Mechanism("pendulum")
+        m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        m.add_revolute("A", m.ground, "rod", point=(0, 0, 0))
+        add(m)
+        with pytest.raises(pt.errors.EvaluationError, match=r'force "load" at t = 0 s.*an integer beyond 1e308'):
+            m.simulate(0.1)

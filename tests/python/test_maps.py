@@ -550,8 +550,8 @@ def test_all_positions_of_a_point_are_found_around_holes(coordinates: str) -> No
         ends = [w.path(crank, (0, 0, 0)), w.path(rod, (0, 0, 0)), w.path(rod, (0.9, 0, 0))]
         if rod == "bar 2":
             ends = [w.path("bar 3", (right[0], 0, 0)), w.path("bar 3", (0, 0, 0)), w.path("bar 2", (0, 0, 0))]
-        arm, hand = (ends[1] - ends[0])[possible], (ends[2] - ends[1])[possible]
-        side = arm[:, 0] * hand[:, 1] - arm[:, 1] * hand[:, 0]
+        arm, rod_arm = (ends[1] - ends[0])[possible], (ends[2] - ends[1])[possible]
+        side = arm[:, 0] * rod_arm[:, 1] - arm[:, 1] * rod_arm[:, 0]
         assert (side > 0.0).all() or (side < 0.0).all()
     out = tuple(int(i) for i in np.argwhere(~possible)[0])
     assert "cannot be reached" in w.reasons[out]

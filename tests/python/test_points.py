@@ -7,6 +7,7 @@ import logging
 import math
 import pickle
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import partita as pt
+from partita.builder.points import misplaced
 from partita.builder.records import Point
 
 P, X, TURN = (0.3, -0.2, 0.1), (1.0, 2.0, 3.0), Rotation.from_rotvec((0.4, -0.5, 0.9))
@@ -276,3 +278,19 @@ def test_axes_by_their_names() -> None:
     m, arm, other = drawn()
     with pytest.raises(pt.errors.DescriptionError, match="axis is 'up'; give three numbers such as"):
         m.add_revolute("J", arm, other, point=X, axis="up")
+
+
+def test_a_saved_mechanism_keeps_what_was_said_of_its_points(tmp_path: Path) -> None:
+    """A force beyond the end of a rod, at a place that the rod would have in the world: right as it was given."""
+    m = pt.Mechanism("overhang")
+    rod = m.add_rod("rod", start=(1, 0, 0), end=(3, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(1, 0, 0))
+    m.add_force(rod, (0, 1, 0), rod.at((2.6, 0, 0)), name="F")
+    m.add_sensor("tip", rod.at((2.6, 0, 0)), "position")
+    assert not misplaced(m._description)
+    m.save(tmp_path / "m.toml")
+    assert not misplaced(pt.load(tmp_path / "m.toml")._description)
+    # of a file that was written by hand nobody knows
+    text = (tmp_path / "m.toml").read_text()
+    (tmp_path / "hand.toml").write_text(text[: text.rindex("# as saved")])
+    assert len(misplaced(pt.load(tmp_path / "hand.toml")._description)) == 2

@@ -309,3 +309,28 @@ def test_what_is_drawn_far_from_closed_is_mended_where_it_closes(quarter: float,
         assert 0.1 * off < run.summary["repaired"] < 10 * off
         for name in ("lower left", "lower right"):
             np.testing.assert_allclose(run.body(name).position, nominal.body(name).position, atol=30 * off)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_a_repaired_mechanism_lists_the_parameters_that_it_takes(coordinates: str) -> None:
+    """A Sarrus linkage turned in space and rounded: its repair makes two frames of one, which its drawing has not."""
+    turn = np.linalg.qr(np.array([[0.3, -1.0, 0.2], [0.9, 0.4, 0.5], [-0.2, 0.6, 1.1]]))[0]
+
+    def at(*x: float) -> Any:
+        return (turn @ x).round(6)
+
+    m = pt.Mechanism("Sarrus", gravity=None)
+    m.add_body("top", mass=1.0, inertia=(1, 1, 1), position=at(0.0, 0.0, 1.0))
+    for k, along in enumerate(((1.0, 0.0), (0.0, 1.0))):
+        low, knee, high = (at(r * along[0], r * along[1], z) for r, z in ((1.0, 0.0), (1.6, 0.5), (1.0, 1.0)))
+        axis = at(along[1], along[0], 0.0)
+        m.add_rod(f"low {k}", start=low, end=knee, mass=1.0)
+        m.add_rod(f"high {k}", start=knee, end=high, mass=1.0)
+        m.add_revolute(f"A{k}", m.ground, f"low {k}", point=low, axis=axis)
+        m.add_revolute(f"B{k}", f"low {k}", f"high {k}", point=knee, axis=axis)
+        m.add_revolute(f"C{k}", f"high {k}", "top", point=high, axis=axis)
+    model = m.compile(coordinates)
+    assert model.mobility == 1
+    assert not any(name.endswith("child_point") for name in model.parameters)
+    for name in ("low 0.mass", "A0.point", "C1.point", "top.inertia"):
+        assert model.with_parameters({name: model.parameters[name]}).mobility == 1

@@ -110,3 +110,19 @@ def test_links_far_below_the_tolerance_of_their_bodies_are_not_folded_into_one_p
     m.add_revolute("C", "coupler", "rocker", (0.1 * unit, 0.1 * unit, 0), child_point=(unit, 0.1 * unit, 0))
     with pytest.raises(pt.errors.AssemblyError, match="lengths do not fit"):
         m.simulate(0.1)
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("off", [0.0, 1e-17, 1e-12, -1e-9, 1e-6])
+def test_a_centre_of_mass_that_is_off_by_rounding_is_no_length(off: float, coordinates: str) -> None:
+    """A free rod whose centre of mass was computed: its length is not the rounding; alone and with a welded one."""
+    for welded in (False, True):
+        m = pt.Mechanism("rod")
+        m.add_body("rod", mass=4.32, inertia=(0.0026, 0.52, 0.52), com=(off, 0, 0))
+        m.add_free("F", m.ground, "rod")
+        if welded:
+            m.add_body("other", mass=1.0, inertia=(0.001, 0.1, 0.1), position=(0, 0.5 * off, 0))
+            m.add_fixed("W", "rod", "other")
+        run = m.simulate(0.1, t_eval=[0.0, 0.1], coordinates=coordinates)
+        assert run.success and run.certificate.verdict == "valid"
+        assert run.body("rod").position[-1, 1] == pytest.approx(-9.81 * 0.1**2 / 2, rel=1e-9)

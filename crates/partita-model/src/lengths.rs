@@ -31,6 +31,10 @@ fn held_points(spec: &Spec) -> Vec<(&str, Vec3<f64>)> {
     found
 }
 
+/// Distances of the points of a body below this are errors of its drawing. Scale: fraction of its radius of gyration.
+/// Reason: five digits; no body of smaller extent is so heavy around it.
+const NO_EXTENT: f64 = 1e-5;
+
 /// Radius of gyration of a body about its centre of mass; 0 without mass.
 fn gyration(b: &Body) -> f64 {
     let trace: f64 = (0..3).map(|i| b.inertia[i][i]).sum();
@@ -42,7 +46,7 @@ fn gyration(b: &Body) -> f64 {
 }
 
 /// Diameter of all joints, held points and centres of mass about their mean, the same along any axes; 1 for a mechanism
-/// in one point, which distances do not extend that are the rounding of its points, or below the drawing tolerance of
+/// in one point, which distances do not extend that are the rounding of its points, or below [`NO_EXTENT`] of
 /// the radius of gyration of its bodies.
 pub(crate) fn typical_length(spec: &Spec) -> f64 {
     let mut points: Vec<Vec3<f64>> = spec.joints.iter().map(|j| Vec3(j.point)).collect();
@@ -51,7 +55,7 @@ pub(crate) fn typical_length(spec: &Spec) -> f64 {
     let d = diameter(&points);
     let farthest = points.iter().fold(0.0, |m: f64, p| m.max(p.norm()));
     let largest = spec.bodies.iter().map(gyration).fold(0.0, f64::max);
-    let error = (tolerance::SOLUTION_ROUNDING * farthest).max(spec.drawing_tolerance * largest);
+    let error = (tolerance::SOLUTION_ROUNDING * farthest).max(NO_EXTENT * largest);
     if d > error && d.is_finite() {
         d
     } else {
@@ -68,8 +72,8 @@ pub(crate) fn diameter(points: &[Vec3<f64>]) -> f64 {
 
 /// The median, over the bodies that have one, of the diameter of a body's joints, held points and centre of mass about
 /// their mean. Bodies smaller than [`tolerance::EQUAL`] of the whole have none, nor those smaller than the drawing
-/// tolerance of the largest, or of their own radius of gyration: a shoe with its hinge on its guide is as long as the
-/// error of either.
+/// tolerance of the largest, or than [`NO_EXTENT`] of their own radius of gyration: a shoe with its hinge on its guide is
+/// as long as the error of either.
 pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
     let index: HashMap<&str, usize> = spec.bodies.iter().enumerate().map(|(i, b)| (b.name.as_str(), i)).collect();
     let com = |b: &Body| Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
@@ -87,8 +91,7 @@ pub(crate) fn body_length(spec: &Spec) -> Option<f64> {
         }
     }
     let least = tolerance::EQUAL * typical_length(spec);
-    let each =
-        points.iter().zip(&spec.bodies).map(|(x, b)| (diameter(x), least.max(spec.drawing_tolerance * gyration(b))));
+    let each = points.iter().zip(&spec.bodies).map(|(x, b)| (diameter(x), least.max(NO_EXTENT * gyration(b))));
     let mut extents: Vec<f64> = each.filter(|(x, least)| x > least && x.is_finite()).map(|(x, _)| x).collect();
     extents.sort_by(f64::total_cmp);
     let errors = spec.drawing_tolerance * extents.last().copied().unwrap_or(0.0);

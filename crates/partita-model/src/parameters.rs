@@ -271,7 +271,15 @@ impl Model {
     /// All parameters with their present numbers: see [`parameters`](crate::parameters).
     pub fn parameters(&self) -> Vec<(String, Vec<f64>)> {
         let mut described = Described::new(&self.spec);
-        Slot::all(&self.spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec())).collect()
+        let all = Slot::all(&self.spec).into_iter().map(|(name, slot)| (name, slot.of(&mut described).to_vec()));
+        // a repair is repeated from the drawing, which has no frames of its own where the repair made two of one
+        match &self.geometry().drawn {
+            None => all.collect(),
+            Some(drawn) => {
+                let known: HashSet<String> = Slot::all(drawn).into_iter().map(|(name, _)| name).collect();
+                all.filter(|(name, _)| known.contains(name)).collect()
+            }
+        }
     }
 
     /// Whether this number determines the period by which a coupling of several joints counts whole turns.

@@ -82,6 +82,12 @@ def misplaced(d: Description) -> list[str]:
     return found
 
 
+def as_given(d: Description) -> None:
+    """Take all points as they are given, as in a file that was written from a mechanism: it knew on which bodies they
+    are."""
+    d.explicit.update({(given.kind, given.name, given.what): True for given in _given(d)})
+
+
 def _size(d: Description) -> float:
     points = [body.position for body in d.bodies.values()]
     points += [body.to_world(body.com) for body in d.bodies.values()]

@@ -178,7 +178,10 @@ def one_number(value: Any) -> float:
         value = value.reshape(())[()]
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.integer | np.floating):
         raise TypeError(f"{type(value).__name__} {shown(value)}")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise TypeError("an integer beyond 1e308") from error
 
 
 def finite(values: Sequence[float]) -> bool:

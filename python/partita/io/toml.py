@@ -34,6 +34,7 @@ from typing import Any
 
 from .. import _core
 from ..builder import Builder
+from ..builder.points import as_given
 from ..builder.sampled import JoinedTable
 from ..errors import (
     ArgumentError,
@@ -79,6 +80,8 @@ def read(path: Path, make: Maker, mend: Mend | None = None) -> Any:
     except UnicodeDecodeError as error:
         raise FileFormatError(f'"{path}" cannot be read as UTF-8 text: {error}', path=str(path), line=None) from error
     mechanism = parse(text, make, str(path), mend)
+    if intact(content) is True:
+        as_given(mechanism._description)
     if intact(content) is False:
         warnings.warn(
             f'"{path}" is not as it was saved (the checksum in its last line does not agree): it was edited, or '

@@ -13,8 +13,13 @@ use partita_system::manifold::kept_rows::close_kept;
 use partita_system::start;
 use partita_system::{SystemError, SystemRef};
 
-/// Longest step along a continuum. Unit: characteristic displacement. Reason: as in a search.
-const LONGEST_STEP: f64 = 0.2;
+/// Length of a step along a continuum. Unit: characteristic displacement. Reason: as in a search.
+const STRIDE_ALONG: f64 = 0.2;
+/// Positions nearer than this are one step apart, and corrections of a step are shorter. Scale: characteristic
+/// displacement. Reason: the length of a step.
+const ONE_STEP_AWAY: f64 = 0.2;
+/// A closed continuum is back at its beginning within this. Scale: characteristic displacement. Reason: half a step.
+const BACK: f64 = 0.1;
 /// Steps along a continuum before it is left: four turns.
 const MOST_STEPS: usize = 120;
 /// Halvings of a step before the continuum ends there.
@@ -24,7 +29,8 @@ const CORRECTIONS: usize = 8;
 /// A direction across that to the other position leads no nearer to it. Scale: cosine. Reason: a hundred steps would be
 /// needed.
 const ACROSS: f64 = 1e-2;
-/// Positions nearer than this are one. Unit: characteristic displacement. Reason: searches end six digits nearer.
+/// Positions of a continuum nearer than this are one. Scale: characteristic displacement. Reason: searches end six
+/// digits nearer.
 const SAME: f64 = tolerance::DEPENDENT;
 
 /// Whether the position `to` lies on the continuum of positions at rest through `from`, as far as it was followed.
@@ -73,15 +79,15 @@ impl Path<'_, '_> {
                     let side = if same < 0.0 { -1.0 } else { 1.0 };
                     *ahead = Some(displacement.iter().map(|x| side * x).collect());
                     // what is left of it, unless it only passes by
-                    let near = far < LONGEST_STEP && one.abs() > tolerance::HALF_LOST * far;
-                    vec![if near { *one } else { side * LONGEST_STEP }]
+                    let near = far < ONE_STEP_AWAY && one.abs() > tolerance::HALF_LOST * far;
+                    vec![if near { *one } else { side * STRIDE_ALONG }]
                 }
                 _ => {
                     let size = along.iter().map(|x| x * x).sum::<f64>().sqrt();
                     if size < ACROSS * far {
                         return Ok(Some(false));
                     }
-                    along.iter().map(|x| x * (LONGEST_STEP / size).min(1.0)).collect()
+                    along.iter().map(|x| x * (STRIDE_ALONG / size).min(1.0)).collect()
                 }
             };
             let mut z = vec![0.0; here.force.len()];
@@ -92,9 +98,9 @@ impl Path<'_, '_> {
             q = next;
             // around a closed curve, past its beginning
             let back = displacement_between(&*self.rest.reduction.system, &q, from);
-            if step > 2 && along.len() == 1 && largest(&back) < 0.5 * LONGEST_STEP {
+            if step > 2 && along.len() == 1 && largest(&back) < BACK {
                 let near = displacement_between(&*self.rest.reduction.system, &q, self.to);
-                if largest(&near) > LONGEST_STEP {
+                if largest(&near) > ONE_STEP_AWAY {
                     return Ok(Some(false));
                 }
             }
@@ -163,7 +169,7 @@ impl Path<'_, '_> {
             }
             here.backward(&mut z);
             let length = travel(&here.dt, &self.rest.displacement, &z);
-            if length > LONGEST_STEP {
+            if length > ONE_STEP_AWAY {
                 return Ok(false);
             }
             if length <= tolerance::CLOSED_IN_RUN {

@@ -29,6 +29,9 @@ use std::sync::Arc;
 /// Longest step along a family. Unit: characteristic displacement; for the parameter the range of its values. Reason: over a
 /// tenth of a radian springs and weights change by a few hundredths.
 const LONGEST_FAMILY_STEP: f64 = 0.1;
+/// Before this length from its end no part of a closed family lies beyond its beginning. Scale: characteristic displacement.
+/// Reason: no step is longer.
+const LAST_PART: f64 = 0.1;
 /// Steps along a family before it ends: two hundred radians.
 const MOST_FAMILY_STEPS: usize = 2000;
 /// Corrections of one position of a family. Reason: Newton's method needs five.
@@ -509,8 +512,7 @@ pub fn family(equations: Equations<Model>, t: f64, q: &[f64], x: f64, asked: &[f
         }
         if let Some(returned) = side.returned {
             let first = &side.marks[0];
-            let before =
-                |at: &Point| at.s < returned - LONGEST_FAMILY_STEP || curve.beyond(first, at) < -tolerance::OPEN;
+            let before = |at: &Point| at.s < returned - LAST_PART || curve.beyond(first, at) < -tolerance::OPEN;
             part.asked.retain(|(_, at)| before(at));
             part.events.retain(|event| before(&event.at));
         }

@@ -19,10 +19,12 @@ const MOST_STEPS: usize = 1000;
 /// Steps before the search for another equilibrium than the known ones ends. Reason: a few turns; beside known positions
 /// most searches lead nowhere.
 const MOST_STEPS_BESIDE: usize = 100;
-/// Newton's method ends where forces have not become smaller by the second number, a fraction, within this many steps.
-/// Reason: it creeps towards a position in which they are least, not zero: at a force that sets in. Where it turns by the
-/// longest steps, this many are half a turn and more.
-const STALLED: (usize, f64) = (20, 1e-2);
+/// Steps without a gain before Newton's method ends: it creeps towards a position in which forces are least, not zero, at a
+/// force that sets in. Where it turns by the longest steps, this many are half a turn and more.
+const STALLED_STEPS: usize = 20;
+/// Forces that become smaller by less have gained nothing. Scale: fraction of the deflated forces. Reason: a digit would
+/// take two hundred such gains.
+const STALLED_GAIN: f64 = 1e-2;
 /// Halvings of a step before the search ends. Reason: the step is then rounding.
 const MOST_HALVINGS: usize = 40;
 /// Likewise beside known positions. Reason: searches that find another one take full steps; others come to rest where
@@ -244,10 +246,10 @@ fn search(model: &Model, t: f64, q: &[f64], stable: bool, known: &[Vec<f64>]) ->
         if !by.is_finite() || !eta.is_finite() {
             return Err(no_equilibrium(&*system, &here, &displacement, iterations));
         }
-        if eta * here.size <= (1.0 - STALLED.1) * stalled.1 {
+        if eta * here.size <= (1.0 - STALLED_GAIN) * stalled.1 {
             stalled = (iterations, eta * here.size);
         }
-        if !stable && iterations > stalled.0 + STALLED.0 {
+        if !stable && iterations > stalled.0 + STALLED_STEPS {
             return Err(no_equilibrium(&*system, &here, &displacement, iterations));
         }
         z.iter_mut().for_each(|x| *x *= by);
