@@ -37,6 +37,9 @@ COMMANDS = [
     (["simulate"], "simulate"),
     (["mcp"], "--root"),
     (["dance"], "dance"),
+    (["simulat", "four-bar"], "did you mean 'simulate'?"),
+    (["simulate", "four-bar", "--method", "dopri"], "did you mean 'dopri5'?"),
+    (["simulate", "xyzzy"], "`partita list`"),
 ]
 
 
@@ -81,3 +84,11 @@ def test_loop_that_cannot_close(tmp_path: Path) -> None:
     assert done.returncode == 2, done.stderr
     assert '"B"' in done.stderr or "B" in done.stderr.split()
     assert "Traceback" not in done.stderr
+
+
+def test_without_a_command_it_shows_what_can_be_done(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 0
+    printed = capsys.readouterr()
+    assert not printed.err
+    for word in ("simulate", "draw", "partita list", "partita simulate four-bar"):
+        assert word in printed.out

@@ -556,6 +556,12 @@ def test_a_short_body_on_a_long_slide_has_all_its_equilibria(length: float, draw
     assert found == pytest.approx([-0.5, 0.5], abs=1e-9)
 
 
+def test_equilibria_say_where_they_are() -> None:
+    found = [repr(e) for e in pt.catalogue.load("four-bar").equilibria(20)]
+    assert len(set(found)) == len(found) > 1
+    assert all(text.startswith("<Equilibrium at A = ") for text in found)
+
+
 def test_a_five_bar_has_twelve_equilibria() -> None:
     """Some beside each other, where starts used to take hundreds of evaluations to fail."""
     assert len(pt.catalogue.load("five-bar").equilibria(60)) == 12

@@ -280,7 +280,7 @@ def test_names_that_are_none():
 def test_commands_print_equilibrium_and_modes(tmp_path, capsys):
     assert main(["equilibrium", "four-bar-spring", "--target", "D=20deg"]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("<Equilibrium: stable; frequencies 0.3418 Hz")
+    assert printed.startswith("<Equilibrium at ") and ": stable; frequencies 0.3418 Hz" in printed
     assert main(["modes", "four-bar-spring", "--html", str(tmp_path / "mode.html")]) == 0
     printed = capsys.readouterr().out
     assert "0.3418" in printed and "rocker" in printed

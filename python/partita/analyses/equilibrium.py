@@ -29,6 +29,10 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
+TOLD = 3
+"""Coordinates in one line."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Equilibrium:
     """A position in which the mechanism stays at rest, with the forces that hold it.
@@ -145,7 +149,13 @@ class Equilibrium:
     def __repr__(self) -> str:
         rest = f"; frequencies {self._frequencies()}" if self._frequencies() else ""
         k = len(self.independent)
-        return f"<Equilibrium: {self._words()}{rest}; {k} degree{'s' * (k != 1)} of freedom>"
+        return f"<Equilibrium{self._where()}: {self._words()}{rest}; {k} degree{'s' * (k != 1)} of freedom>"
+
+    def _where(self) -> str:
+        """Its first coordinates, enough to tell several apart."""
+        names = self._run.names.coordinates
+        told = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names[:TOLD], self.state.q[:TOLD], strict=True))
+        return f" at {told}{', ...' * (len(names) > TOLD)}" if told else ""
 
     def _repr_html_(self) -> str:
         """A small table, in a notebook."""

@@ -88,7 +88,11 @@ def entry(name: str, **parameters: Any) -> Entry:
         name = beginning[0]
     if not isinstance(name, str) or name not in _ENTRIES:
         near = difflib.get_close_matches(shown(name), names(), n=3)
-        hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"known: {', '.join(names())}"
+        hint = (
+            f"did you mean {' or '.join(map(repr, near))}?"
+            if near
+            else f"`partita list` and pt.catalogue.names() name all {len(names())}"
+        )
         raise UnknownNameError(f"the catalogue has no entry {shown(name)}; {hint}", name=shown(name), known=names())
     make = _ENTRIES[name]
     known = list(inspect.signature(make).parameters)

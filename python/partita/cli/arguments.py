@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import NoReturn
+import difflib
+from functools import partial
+from typing import Any, NoReturn
 
 from ..options import BASES, COORDINATES, CORRECTIONS, FORMULATIONS, INERTIAS, METHODS, SELECTIONS
 from .values import count, ladder, listed, pair, port, positive, repeats, seconds, setting
@@ -55,7 +57,8 @@ def parser() -> argparse.ArgumentParser:
 
     top = _Parser(prog="partita", description="Motion and forces of mechanisms with closed loops.")
     top.add_argument("--version", action="version", version=f"partita {__version__}")
-    words = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    top.set_defaults(run=partial(_shown, top))
+    words = top.add_subparsers(title="commands", metavar="COMMAND")
 
     _simulate(_command(words, "simulate", simulate, "simulate a motion and report the findings"))
 
@@ -304,8 +307,22 @@ def _command(words: argparse._SubParsersAction, name: str, run: object, text: st
     return command
 
 
+def _shown(top: argparse.ArgumentParser, _: argparse.Namespace) -> int:
+    """What can be done, for a call without a command."""
+    top.print_help()
+    print("\nfirst steps: `partita list`, then `partita simulate four-bar --plot four-bar.png`, or `partita draw`")
+    return 0
+
+
 class _Parser(argparse.ArgumentParser):
     """Reports an incorrect call in one sentence instead of a page of usage."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"partita: error: {message}; see `{self.prog} --help`\n")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """With the nearest of the choices, instead of all of them."""
+        if action.choices is not None and value not in action.choices:
+            near = difflib.get_close_matches(str(value), [str(choice) for choice in action.choices], n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"choose one of {', '.join(map(str, action.choices))}"
+            raise argparse.ArgumentError(action, f"{value!r} is not known; {hint}")
