@@ -177,3 +177,22 @@ def test_the_certificate_of_a_chain_and_of_a_file(tmp_path: Path) -> None:
     assert again.acceleration_closure == run.certificate.acceleration_closure
     certificate = pt.simulate(pt.System(n=1, mass=np.eye(1), forces=(0.0,)), 0.1, [0.0], [1.0]).certificate
     assert certificate.acceleration_closure is None and certificate.bodies == () and certificate.rank == ()
+
+
+def test_what_drives_move_is_not_called_locked() -> None:
+    """Wheels on a belt of which one is driven: the other turns; beside them a free one, and a truss that stands."""
+    m = pt.Mechanism("belt and drive", gravity=None)
+    for name, x in (("a", 0.0), ("b", 1.0), ("c", 3.0)):
+        m.add_body(name, mass=1.0, inertia=(1, 1, 1), position=(x, 0, 0))
+        m.add_revolute(f"{name}j", m.ground, name, point=(x, 0, 0))
+    m.add_gear("belt", "aj", "bj", ratio=2.0)
+    m.add_drive("aj", velocity=3.0)
+    corners = [(5.0, 0.0, 0.0), (6.0, 0.0, 0.0), (5.5, 1.0, 0.0)]
+    for name, start in zip("xy", corners, strict=False):
+        m.add_rod(name, start=start, end=corners[2], mass=1.0)
+        m.add_revolute(f"{name}j", m.ground, name, point=start)
+    m.add_revolute("top", "x", "y", point=corners[2])
+    words = str(m.report())
+    assert "Prescribed by the drives as well: bj." in words
+    (locked,) = [line for line in words.splitlines() if line.startswith("Locked by the loops in any position")]
+    assert "bj" not in locked and "xj" in locked

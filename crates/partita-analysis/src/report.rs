@@ -76,6 +76,8 @@ pub struct Report {
     pub redundancy: String,
     /// Coordinates that the closed loops lock.
     pub locked: Vec<String>,
+    /// Coordinates other than theirs that follow from the drives alone.
+    pub prescribed: Vec<String>,
     /// Coordinates with zero rate in this position only: dead positions.
     pub dead: Vec<String>,
     /// Data that look like a typing error.
@@ -251,6 +253,7 @@ fn unmoved(model: &Model) -> Result<Report, AnalysisError> {
         remedies: Vec::new(),
         redundancy: String::new(),
         locked: Vec::new(),
+        prescribed: Vec::new(),
         dead: Vec::new(),
         suspicious: suspicious(model),
         joint_rows,
@@ -319,7 +322,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
     }
     notes.extend(model.held_note());
     let replacements = remedies(model, t, q)?;
-    let (locked, dead) = still(model, t, q, measured.as_ref(), found.mobility);
+    let Still { locked, dead, prescribed } = still(model, t, q, measured.as_ref(), found.mobility);
     Ok(Report {
         tree: tree(model),
         singular: None,
@@ -340,6 +343,7 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         redundancy: redundancy(&found, &replacements),
         remedies: replacements,
         locked,
+        prescribed,
         dead,
         suspicious: suspicious(model),
         joint_rows: found.joint_rows,
@@ -357,8 +361,26 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
 /// characteristic displacement. Reason: its square is far above [`tolerance::TAKES_PART`].
 const NUDGE: f64 = 0.02;
 
-/// Coordinates that cannot move: in any position, and in this one alone.
-fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility: usize) -> (Vec<String>, Vec<String>) {
+/// Names of coordinates in which no motion is free.
+#[derive(Default)]
+struct Still {
+    /// In any position.
+    locked: Vec<String>,
+    /// In this one alone.
+    dead: Vec<String>,
+    /// Because they follow from the drives.
+    prescribed: Vec<String>,
+}
+
+/// Mobility of each coordinate without the drives.
+fn undriven(model: &Model, t: f64, q: &[f64]) -> Option<Vec<f64>> {
+    let released = model.released(&[]).ok()?;
+    let rank = rank_here(&released, t, q).ok()?.rank;
+    Some(measured(&released, t, q, released.size().nv - rank).ok()??.rho)
+}
+
+/// Coordinates in which no motion is free, and why.
+fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility: usize) -> Still {
     let Some(m) = measured.filter(|_| mobility > 0) else { return Default::default() };
     let size = model.size();
     if (size.holonomic..size.rows).any(|i| !model.row_is_drive(i)) {
@@ -369,6 +391,14 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
     let all: Vec<usize> = (0..m.rho.len()).filter(|&i| stands(&m.rho, i)).collect();
     if all.is_empty() {
         return Default::default();
+    }
+    let names = |which: Vec<usize>| which.into_iter().map(|i| model.placed.velocity_names[i].clone()).collect();
+    let without = if model.drives.is_empty() { None } else { undriven(model, t, q) };
+    let follows = |i: usize| without.as_ref().is_some_and(|rho| rho[i] >= tolerance::TAKES_PART);
+    let (prescribed, all): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&i| follows(i));
+    let prescribed = names(prescribed);
+    if all.is_empty() {
+        return Still { prescribed, ..Still::default() };
     }
     let nearby = || -> Option<Vec<f64>> {
         // all of them, by moves that have nothing in common
@@ -384,10 +414,9 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
         move_to(model, t, &mut near, &moved, tolerance::CLOSED).ok()?;
         Some(self::measured(model, t, &near, mobility).ok()??.rho)
     };
-    let Some(there) = nearby() else { return Default::default() };
+    let Some(there) = nearby() else { return Still { prescribed, ..Still::default() } };
     let (locked, dead): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&i| stands(&there, i));
-    let names = |which: Vec<usize>| which.into_iter().map(|i| model.placed.velocity_names[i].clone()).collect();
-    (names(locked), names(dead))
+    Still { locked: names(locked), dead: names(dead), prescribed }
 }
 
 fn joint_line(model: &Model, j: usize) -> JointLine {

@@ -181,6 +181,8 @@ def _mobility(found: dict[str, Any], bodies: int) -> _Section:
         )
     else:
         lines.append(f"{count}, which is the true number: all {rows} constraints of the joints are independent.")
+    if found["prescribed"]:
+        lines.append(f"Prescribed by the drives as well: {_named(found['prescribed'])}.")
     if found["locked"]:
         lines.append(f"Locked by the loops in any position: {_named(found['locked'])}.")
     if found["dead"]:
