@@ -318,6 +318,8 @@ pub struct StepChecks {
     /// The fastest rate at an output, over what speeds and accelerations at the ends of the steps so far explain. It
     /// has no row.
     pub surge: Gap,
+    /// The fastest rate at an output that is clearly faster than they explain, in characteristic displacements per second.
+    pub surge_rate: f64,
     /// 1 where a step that could not be shortened crossed a guard and came back; the row is the number of the guard.
     pub hidden: Gap,
     /// The largest velocity at the ends of steps, in scales: half its square is at most the kinetic energy.
@@ -339,6 +341,7 @@ impl StepChecks {
         self.by_errors = self.by_errors.worse(other.by_errors);
         self.outputs.raise(&other.outputs);
         self.surge = self.surge.worse(other.surge);
+        self.surge_rate = self.surge_rate.max(other.surge_rate);
         self.hidden = self.hidden.worse(other.hidden);
         self.speed = self.speed.max(other.speed);
     }

@@ -105,7 +105,10 @@ impl Limits {
                 checks.jump.part, self.jump.0
             )
         });
-        look(checks.surge, (tolerance::CLEARLY, tolerance::CLEARLY), &|t| {
+        // where a mechanism rests, what the tolerance leaves is many times as fast
+        let noticed = checks.surge_rate > tolerance::CLEARLY * tolerance::ERROR_GROWTH * self.atol;
+        let surge = if noticed { checks.surge } else { Gap::default() };
+        look(surge, (tolerance::CLEARLY, tolerance::CLEARLY), &|t| {
             format!(
                 "the velocity at the output t = {t} s is {:.1e} times as fast as the ends of steps explain: \
                  something acts between two steps and was missed; give a max_step",
@@ -404,7 +407,12 @@ mod tests {
             assert_eq!(words(&tight, StepChecks { branch: gap(part), ..none }), seen, "{part}");
         }
         for (part, seen) in [(9.0, (0, false)), (11.0, (1, true))] {
-            assert_eq!(words(&tight, StepChecks { surge: gap(part), ..none }), seen, "{part}");
+            assert_eq!(words(&tight, StepChecks { surge: gap(part), surge_rate: part, ..none }), seen, "{part}");
+        }
+        // at rest, what the tolerance leaves
+        let rests = tolerance::CLEARLY * tolerance::ERROR_GROWTH * tight.atol;
+        for (rate, seen) in [(0.9 * rests, (0, false)), (1.1 * rests, (1, true))] {
+            assert_eq!(words(&tight, StepChecks { surge: gap(1e3), surge_rate: rate, ..none }), seen, "{rate}");
         }
         let outputs = Gaps { velocity: gap(1.1e-3), ..Gaps::default() };
         assert_eq!(words(&tight, StepChecks { outputs, ..none }), (1, true));

@@ -111,7 +111,12 @@ impl Checks {
     pub(super) fn output<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>, outputs: Gaps, explained: f64) {
         let jump = self.jump(t, r);
         let surge = Gap { part: in_parts(r.fastest(), explained), t, row: 0 };
-        self.taken.raise(&StepChecks { outputs, jump, surge, ..StepChecks::default() });
+        let surge_rate = match surge.part > tolerance::CLEARLY {
+            true => r.fastest(),
+            false if surge.part.is_nan() => f64::INFINITY,
+            false => 0.0,
+        };
+        self.taken.raise(&StepChecks { outputs, jump, surge, surge_rate, ..StepChecks::default() });
     }
 
     /// Count from here on.
