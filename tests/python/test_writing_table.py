@@ -124,7 +124,7 @@ def saved(m: pt.Mechanism, folder: Path, suffix: str) -> tuple[str, list[str], l
 
 def test_the_table_has_every_element() -> None:
     """By the methods that add them; a new one needs a rule in each format."""
-    named = {"add_joint": "generic", "add_custom_joint": "custom"}
+    named = {"add_joint": "generic", "add_custom_joint": "custom", "add_imu": "sensor"}  # an IMU is two sensors
     methods = {
         named.get(name, name.removeprefix("add_").replace("_", " ")) for name in dir(pt.Mechanism) if name[:4] == "add_"
     }

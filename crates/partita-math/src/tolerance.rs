@@ -159,9 +159,6 @@ pub const WEAK_CHOICE: f64 = 0.05;
 
 // ---- moves and steps
 
-/// Times in descriptions and runs are off by this at the most. Scale: roundings of a time. Reason: those of a start, of a
-/// length, and of a break of a table each.
-pub const WORST_TIME: f64 = 8.0;
 /// Slower rates count as rest. Scale: characteristic displacements per second. Reason: in a run of hours the
 /// displacement remains invisible.
 pub const STANDING: f64 = 1e-10;

@@ -339,7 +339,7 @@ class CompiledModel(Equations):
         """One actuator, with what it acts along; for tools."""
         return actuators_of(self._drawn, self.summary, [wanted])[0]
 
-    def laid_out(self, layout: Layout) -> Layout:
+    def _laid_out(self, layout: Layout) -> Layout:
         """The layout for states of this model: they know the joints that are not part of them."""
         return layout.reading(self.core, self.summary)
 
@@ -375,7 +375,7 @@ def compile_description(description: Description, coordinates: str) -> tuple[Com
         summary = json.loads(core.summary)
         layout.fill(summary)
     model = CompiledModel(core, summary, coordinates, writer.notes, text, description)
-    return model, model.laid_out(layout)
+    return model, model._laid_out(layout)
 
 
 @contextmanager

@@ -128,7 +128,7 @@ def followed(
     still = np.zeros(model.core.nv)
 
     def state_of(q: Array, at: CompiledModel) -> State:
-        return State(start.t, np.array(q), still, layout=at.laid_out(layout))
+        return State(start.t, np.array(q), still, layout=at._laid_out(layout))
 
     def described(q: Array, x: float) -> Equilibrium:
         at = model.with_parameters(line.at(x))

@@ -71,4 +71,4 @@ def layout_of(
     if parameters is None:
         return model, layout
     model = model.with_parameters(parameters)
-    return model, model.laid_out(layout)
+    return model, model._laid_out(layout)

@@ -14,6 +14,10 @@ use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 use partita_math::tolerance;
 
+/// Times in descriptions and runs are off by this at the most. Scale: roundings of a time. Reason: those of a start, of a
+/// length, and of a break of a table each.
+const WORST_TIME: f64 = 8.0;
+
 /// A row and what belongs to it.
 struct Row {
     row: usize,
@@ -191,7 +195,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
     fn prescribed_gap(&self, level: PrescribedLevel, (relative, absolute): (f64, f64)) -> Option<PrescribedGap> {
         let (r, index) = (self.tangent.seen(), level as usize);
         // relative to a row's size: the absolute part, the round-off of rates that nearly cancel, and that of times
-        let time = tolerance::WORST_TIME * f64::EPSILON * self.monitor.time().abs();
+        let time = WORST_TIME * f64::EPSILON * self.monitor.time().abs();
         let rounding = match level {
             PrescribedLevel::Position => time * self.watch.fastest_yet(),
             PrescribedLevel::Rate => {
