@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-TOLD = 3
+SHOWN = 3
 """Coordinates in one line."""
 
 
@@ -154,8 +154,8 @@ class Equilibrium:
     def _where(self) -> str:
         """Its first coordinates, enough to tell several apart."""
         names = self._run.names.coordinates
-        told = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names[:TOLD], self.state.q[:TOLD], strict=True))
-        return f" at {told}{', ...' * (len(names) > TOLD)}" if told else ""
+        shown = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names[:SHOWN], self.state.q[:SHOWN], strict=True))
+        return f" at {shown}{', ...' * (len(names) > SHOWN)}" if shown else ""
 
     def _repr_html_(self) -> str:
         """A small table, in a notebook."""
