@@ -154,7 +154,8 @@ class Equilibrium:
     def _where(self) -> str:
         """Its first coordinates, enough to tell several apart."""
         names = self._run.names.coordinates
-        shown = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names[:SHOWN], self.state.q[:SHOWN], strict=True))
+        pairs = zip(names[:SHOWN], self.state.q[:SHOWN], strict=True)
+        shown = ", ".join(f"{name} = {value:.4g}" for name, value in pairs)
         return f" at {shown}{', ...' * (len(names) > SHOWN)}" if shown else ""
 
     def _repr_html_(self) -> str:
