@@ -148,7 +148,6 @@ def test_convert_keeps_the_model(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        [],
         ["nonsense"],
         ["simulate"],
         ["simulate", "forbar"],

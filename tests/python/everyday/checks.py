@@ -243,7 +243,7 @@ def independent(j: Judged) -> None:
         return
     frames = frames_of(d, j.reference)
     start = {b.name: j.reference.body(b.name) for b in d.bodies}
-    reached = motion(d, frames, start, j.reference.t, FINE)
+    reached = motion(d, frames, start, j.reference.t, FINE, j.case.finest)
     if reached is None:
         return
     k, mine = reached

@@ -17,9 +17,10 @@ class TooLong(Exception):
 
 
 def motion(
-    d: Drawing, frames: dict[str, Array], start: dict[str, Any], times: Array, tolerance: float
+    d: Drawing, frames: dict[str, Array], start: dict[str, Any], times: Array, tolerance: float, finest: float
 ) -> tuple[int, dict[str, Pose]] | None:
-    """The last of the times that it gets to, and the poses there; None: not even the second one."""
+    """The last of the times that it gets to by steps that miss nothing, and the poses there; None: not even the second
+    one."""
     program, names, spent = Maximal(d, frames), [b.name for b in d.bodies], 0
     y0 = np.concatenate([
         np.concatenate([start[n].position[0], start[n].rotation[0].ravel(), start[n].velocity[0],
@@ -52,7 +53,8 @@ def motion(
     y, reached = y0, 0
     for k in range(1, len(times)):
         try:
-            found = solve_ivp(rates, (times[k - 1], times[k]), y, method="DOP853", rtol=tolerance, atol=tolerance)
+            span, limits = (times[k - 1], times[k]), {"rtol": tolerance, "atol": tolerance, "max_step": finest}
+            found = solve_ivp(rates, span, y, method="DOP853", **limits)
         except TooLong:
             break
         y, reached = found.y[:, -1], k
