@@ -24,7 +24,7 @@ const JUMPS_EXPLAINED: f64 = 2e-2;
 
 /// A motion longer than this along which the mechanism is singular up to the errors of its drawing is another one than was
 /// drawn. Unit: characteristic displacement. Reason: singular positions are points that a motion passes at once.
-const HELD_BY_ERRORS: f64 = 0.05;
+const HELD_BY_ERRORS: f64 = 5e-3;
 
 /// One finding of a run.
 #[derive(Clone, Debug, PartialEq)]
