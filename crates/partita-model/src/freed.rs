@@ -150,7 +150,7 @@ impl Freed {
                 Along::Velocity(v) => match e.joint_moved_by(v) {
                     Some(joint) => Some(joint),
                     None => {
-                        e.push_along(v, s, &mut put);
+                        e.load_along(v, s, &mut put);
                         None
                     }
                 },

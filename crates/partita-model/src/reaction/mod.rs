@@ -111,7 +111,7 @@ impl<S: Scalar> Evaluator<S> {
     }
 
     /// The unit effort along a velocity that no joint has: of a body in space.
-    pub(crate) fn push_along(&self, v: usize, s: &Scratch<S>, put: impl FnOnce([usize; 2], Wrench<S>, Vec3<S>)) {
+    pub(crate) fn load_along(&self, v: usize, s: &Scratch<S>, put: impl FnOnce([usize; 2], Wrench<S>, Vec3<S>)) {
         let links = &self.placed.links;
         let Some(link) = links.iter().skip(1).position(|l| l.v == v).map(|i| i + 1) else { return };
         let carries = |mut on: usize| {
