@@ -150,17 +150,17 @@ def test_margins_depend_on_no_cut_no_coordinates_no_order_no_units(part: int) ->
 
 
 def shared(d: Drawing, coordinates: str) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Places of the bodies at the start, reactions over the largest, and which components are determined."""
+    """Positions of the bodies at the start, reactions over the largest, and which components are determined."""
     m = d.build()
     state = m.convert(m.assemble(), coordinates)
     run = m.simulate(1e-3, t_eval=[0.0], initial=state, coordinates=coordinates, rtol=1e-10, atol=1e-12)
     if not run.success:  # a load that spins what has no inertia, say
         raise pt.errors.EvaluationError(run.message)
-    places = np.array([run.body(name).position[0] for name in sorted(b.name for b in d.bodies)]) / d.size
+    points = np.array([run.body(name).position[0] for name in sorted(b.name for b in d.bodies)]) / d.size
     joints = {j.name: run.joint(j.name) for j in d.joints}
     largest = max((float(np.abs(j.force[0]).max()) for j in joints.values()), default=0.0) or 1.0
     loads = {name: np.concatenate([j.force[0], j.moment[0] / d.size]) / largest for name, j in joints.items()}
-    return places, loads, {name: np.asarray(j.determined) for name, j in joints.items()}
+    return points, loads, {name: np.asarray(j.determined) for name, j in joints.items()}
 
 
 @pytest.mark.parametrize("part", range(2))
@@ -170,7 +170,7 @@ def test_shares_and_flags_of_reactions_depend_on_no_cut_no_coordinates_no_order(
     for seed in range(part, either(60, 400), 2):
         d, rng = replace(chance.mechanism(seed), drives=()), np.random.default_rng([seed, 5])
         try:
-            places, loads, flags = shared(d, "relative")
+            points, loads, flags = shared(d, "relative")
         except pt.errors.PartitaError:
             continue  # nothing moves, or nothing closes
         same = others(d, rng)
@@ -180,7 +180,7 @@ def test_shares_and_flags_of_reactions_depend_on_no_cut_no_coordinates_no_order(
                 there, found, marked = shared(*same[words])
             except pt.errors.PartitaError:
                 continue
-            if np.abs(there - places).max() > ROUNDING:
+            if np.abs(there - points).max() > ROUNDING:
                 assert words != "absolute"
                 continue
             compared += 1
