@@ -254,11 +254,13 @@ def test_implicit_blocks_of_an_explicit_closing_iterate() -> None:
 
 
 def pivoted(c: np.ndarray, rank: int) -> list[int]:
-    """Columns without a pivot: Gauss elimination, always with the largest entry of all that is left."""
+    """Columns without a pivot: Gauss elimination, always with the largest entry of all that is left, the first of equal
+    ones."""
     c, free, rows = c.copy(), list(range(c.shape[1])), list(range(c.shape[0]))
     for _ in range(rank):
         left = np.abs(c[np.ix_(rows, free)])
-        row, column = np.unravel_index(left.argmax(), left.shape)
+        largest = left > (1 - 1e-10) * left.max()  # symmetric mechanisms have equal ones, but for rounding
+        row, column = np.unravel_index(largest.argmax(), left.shape)
         i, j = rows.pop(row), free.pop(column)
         c[rows] -= np.outer(c[rows, j] / c[i, j], c[i])
     return free

@@ -198,13 +198,28 @@ def test_a_stop_is_met_where_it_is() -> None:
 
 def test_a_step_of_fixed_length_that_hides_a_contact_is_reported() -> None:
     case = balls(np.random.default_rng(1), beside=0.0)
-    run = case.mechanism.simulate(case.time, t_eval=[case.time], initial=case.start, method="rk4", step=case.time / 3)
+    end = 0.8 * case.time  # no stage of its two steps lies between 0.42 and 0.58 of the time, where the balls overlap
+    run = case.mechanism.simulate(end, t_eval=[end], initial=case.start, method="rk4", step=end / 2)
     assert not run.success
     assert 'contact "c"' in run.message and "within one step" in run.message
-    sim = case.mechanism.stepper(case.time / 1.5, initial=case.start)
+    sim = case.mechanism.stepper(end, initial=case.start)
     with pytest.raises(pt.errors.PartitaError, match='contact "c"'):
         for _ in range(2):
             sim.step()
+
+
+@pytest.mark.parametrize("outputs", [1, 2, 9])
+def test_energy_that_a_step_of_fixed_length_gains_invalidates_whatever_is_recorded(outputs: int) -> None:
+    """A stage of a step lies where the balls overlap almost wholly, all others outside: they fly apart a thousand times
+    as fast. An only output has nothing before it but the start."""
+    case = balls(np.random.default_rng(1), beside=1e-6)
+    t_eval = np.linspace(0.0, case.time, outputs + 1)[1:]
+    for steps in (3, 5):
+        run = case.mechanism.simulate(
+            case.time, t_eval=t_eval, initial=case.start, method="rk4", step=case.time / steps
+        )
+        assert np.abs(run.v[-1]).max() > 1e3 * np.abs(case.start.v).max()
+        assert run.status == "invalid" and "energy balance" in run.message
 
 
 def test_a_contact_too_soft_for_its_bodies_is_noted() -> None:

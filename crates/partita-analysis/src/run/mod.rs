@@ -151,6 +151,8 @@ fn integrated<S: Balance<Scratch: Send>>(
         None => 0,
     };
     let work = singular_start.as_ref().map_or(0.0, |x| x.step.work);
+    let start =
+        Output { t, q: q_start.clone(), turns: vec![0; q.len()], v: v_start.clone(), work, ..Output::default() };
     let mut sink = |output: &Output| {
         outputs.push(Output { work: output.work + work, ..output.clone() });
         Ok(())
@@ -190,7 +192,7 @@ fn integrated<S: Balance<Scratch: Send>>(
     let mut findings = Vec::new();
     limits.judge(system, &gaps, "the end of the step", &mut findings);
     limits.judge_checks(system, &reported.checks, &mut findings);
-    verdict::conclude(system, &mut f, &log, &mut outcome, &mut findings);
+    verdict::conclude(system, &mut f, (&log, Some(&start)), &mut outcome, &mut findings);
     let exchanged = reported.checks.exchanged();
     Ok(Run { outcome, log, counters, rows, closure_error, gaps, notes, exchanged, findings })
 }

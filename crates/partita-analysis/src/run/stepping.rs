@@ -331,7 +331,7 @@ impl<'s> Stepping<'s> {
         self.limits.judge_checks(&*self.system, &self.checks, &mut findings);
         let log = SolutionLog { recipe: self.recipe.clone(), events: reported.events, outputs, limits: self.limits };
         if !here {
-            verdict::conclude(&*self.system, &mut self.formulation, &log, &mut outcome, &mut findings);
+            verdict::conclude(&*self.system, &mut self.formulation, (&log, None), &mut outcome, &mut findings);
         }
         let (counters, rows, closure_error, gaps) =
             (reported.counters, reported.rows, reported.closure_error, self.gaps);

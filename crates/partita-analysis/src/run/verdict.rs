@@ -205,11 +205,12 @@ pub(super) fn note_of_nearness<S: ConstrainedSystem>(system: &S, checks: &StepCh
 }
 
 /// Judge a run that has ended: add findings to those `found` already, and decide its success. An invalidating finding
-/// changes the outcome; later checks do not.
+/// changes the outcome; later checks do not. The energy is accounted for from `start` on, where it is known, for the
+/// outputs need not begin there.
 pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     system: &S,
     formulation: &mut F,
-    log: &SolutionLog,
+    (log, start): (&SolutionLog, Option<&Output>),
     outcome: &mut Outcome,
     found: &mut Vec<Finding>,
 ) {
@@ -227,7 +228,7 @@ pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     let mut scratch = system.scratch();
     found.extend(of_ends(system, formulation, log, &mut scratch));
     let exchanged = formulation.checks().exchanged();
-    found.extend(of_energies(system, log, outcome.counters.steps, exchanged, &mut scratch));
+    found.extend(of_energies(system, (log, start), outcome.counters.steps, exchanged, &mut scratch));
     if let Some(invalid) = found.iter().find(|x| x.invalid) {
         outcome.status = Status::Invalid;
         outcome.message = format!("{}, but the result is invalid: {}", outcome.message, invalid.sentence);
@@ -278,15 +279,18 @@ fn of_ends<S: Balance, F: Formulation + ?Sized>(
     balance::of_reactions(residuals.into_iter(), limits.asked)
 }
 
-/// The energy over some outputs.
+/// The energy over the start and some outputs.
 fn of_energies<S: Balance>(
     system: &S,
-    log: &SolutionLog,
+    (log, start): (&SolutionLog, Option<&Output>),
     steps: u64,
     exchanged: f64,
     scratch: &mut S::Scratch,
 ) -> Option<Finding> {
-    let some = balance::some(&log.outputs);
+    let mut some = balance::some(&log.outputs);
+    if let Some(start) = start.filter(|start| some.first().is_some_and(|first| first.t > start.t)) {
+        some.insert(0, start);
+    }
     if some.len() < 2 {
         return None; // a balance is between two
     }
