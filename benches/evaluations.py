@@ -107,7 +107,7 @@ def costs(problem: Problem) -> list[Cost]:
                     t_eval=np.array([problem.duration]),
                     initial=start,
                     coordinates=problem.coordinates,
-                    formulation=name,
+                    solver=pt.Solver(name),
                     method=method,
                     step=problem.duration / steps[name],
                     compiled=False,

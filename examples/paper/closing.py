@@ -244,7 +244,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
     entry = pt.catalogue.entry(NAME)
     options = {"independent": [INPUT], "t_eval": np.linspace(0.0, 2.0, 41), **entry.options}
     forms = ("explicit-closing", "wehage-haug")
-    runs = {form: LEG.simulate(2.0, initial=entry.initial(LEG), formulation=form, **options) for form in forms}
+    runs = {form: LEG.simulate(2.0, initial=entry.initial(LEG), solver=pt.Solver(form), **options) for form in forms}
     tops = [runs[form].joint("K").point[:, :2] for form in forms]
     expected = circles(runs[forms[0]].joint(INPUT).position[:, 0])["K"]
     degrees = np.array([1.0, 10.0, 30.0, 60.0, 90.0] if short else np.arange(0.0, 91.0, 2.0) + (np.arange(46) == 0))

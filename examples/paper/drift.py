@@ -14,6 +14,7 @@ import numpy as np
 from drawing import FOLDER, Numbers, finish, run
 from reference import FOUR_BAR, START, state
 
+import partita as pt
 from partita.errors import SuspectResultWarning
 from partita.plots.style import COLOURS, FLOOR, dressed, new_figure
 from partita.results import Result
@@ -29,7 +30,7 @@ def march(formulation: str, duration: float, step: float) -> Result:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SuspectResultWarning)  # the drift is what is looked at
         return FOUR_BAR.simulate(
-            duration, initial=state(START, RATE), method="rk4", step=step, formulation=formulation,
+            duration, initial=state(START, RATE), method="rk4", step=step, solver=pt.Solver(formulation),
             correction="none", t_eval=np.linspace(0.0, duration, 161),
         )  # fmt: skip
 

@@ -79,7 +79,7 @@ def spans(short: bool) -> Numbers:
     entry = pt.catalogue.entry("delta")
     m = entry.mechanism()
     start, times = entry.initial(m), np.linspace(0.0, 0.05 if short else 0.5, 6 if short else 11)
-    runs = [m.simulate(times[-1], initial=start, t_eval=times, formulation=name, renew=0.0) for name in EUCLIDEAN]
+    runs = [m.simulate(times[-1], initial=start, t_eval=times, solver=pt.Solver(name, renew=0.0)) for name in EUCLIDEAN]
     mu, sigma = (np.array([getattr(done, what) for done in runs]) for what in ("sqrt_mu", "sigma"))
     return {
         "delta: sqrt(mu) of all four at the start": float(mu[0, 0]),
@@ -94,7 +94,7 @@ def frozen_run(tangent: str) -> Result:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SuspectResultWarning)  # how they fail is what is looked at
         return FOUR_BAR.simulate(
-            0.4, initial=state(START, RATE), coordinates="absolute", formulation=tangent, renew=0.0, rtol=1e-9
+            0.4, initial=state(START, RATE), coordinates="absolute", solver=pt.Solver(tangent, renew=0.0), rtol=1e-9
         )
 
 
@@ -117,7 +117,7 @@ def in_millimetres() -> pt.Mechanism:
 def first(m: pt.Mechanism, tangent: str) -> float:
     """sqrt(mu) of velocities that a run has just renewed."""
     start = m.assemble(rates={"A": RATE})
-    return float(m.simulate(1e-3, initial=start, coordinates="absolute", formulation=tangent).sqrt_mu[0])
+    return float(m.simulate(1e-3, initial=start, coordinates="absolute", solver=pt.Solver(tangent)).sqrt_mu[0])
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:

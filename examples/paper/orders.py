@@ -65,7 +65,7 @@ def main(short: bool = False, folder: Path = FOLDER) -> Numbers:
         for n, name in enumerate(FORMULATIONS):
             errors = []
             for rate in rates:
-                gap = positions(m, start, method=method, formulation=name, step=1.0 / rate) - exact
+                gap = positions(m, start, method=method, solver=pt.Solver(name), step=1.0 / rate) - exact
                 errors.append(float(np.sqrt(np.mean(np.sum(gap**2, axis=-1)))))
             slope = float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
             found[f"{method} of order {order}, {name}: order"] = slope

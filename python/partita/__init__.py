@@ -19,6 +19,7 @@ from ._core import version as _version
 from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
 from .mechanism import Mechanism, load
+from .solver import Solver
 from .state import State
 from .sweep import load_sweep, samples, sweep
 from .system import System, simulate
@@ -40,6 +41,7 @@ __all__ = [
     "InverseDynamics",
     "Mechanism",
     "Result",
+    "Solver",
     "State",
     "System",
     "TangentVelocities",

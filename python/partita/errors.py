@@ -15,8 +15,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import deprecated
-
 __all__ = [
     "ArgumentError",
     "AssemblyError",
@@ -73,13 +71,6 @@ def _rebuild(kind: type[PartitaError], message: str, fields: dict[str, Any]) -> 
 class SuspectResultWarning(UserWarning):
     """A result with findings that the tolerances and the round-off of its run do not explain; its certificate lists
     them."""
-
-
-def __getattr__(name: str) -> Any:
-    if name in deprecated.ERRORS:
-        deprecated.warn(name, deprecated.ERRORS[name])
-        return globals()[deprecated.ERRORS[name]]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 class DescriptionError(PartitaError, ValueError):

@@ -16,6 +16,8 @@ from . import _core
 from .errors import ArgumentError, UnknownNameError
 from .numeric import floats, is_list, real, shown
 from .progress import reporting
+from .solver import Solver
+from .solver import checked as checked_solver
 from .tangent import TangentVelocities
 from .units import Quantity
 from .units.door import SI, QuantityError, in_si
@@ -88,7 +90,6 @@ def options(
     rtol: float = 1e-8,
     atol: float = 1e-10,
     method: str = "dop853",
-    formulation: str = "projective",
     events: Iterable[Any] = (),
     correction: str = "partition",
     switch_threshold: float = 1.25,
@@ -96,11 +97,7 @@ def options(
     max_step: Quantity | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[Any] | None = None,
-    selection: str = "collective",
-    weights: Mapping[Any, float] | None = None,
-    window: Quantity | None = None,
-    baumgarte: tuple[float, float] | None = None,
-    renew: float | str = 0.5,
+    solver: Solver | None = None,
     compiled: bool | str = AUTO,
 ) -> Options:
     """Checked options of a run from t0. Those without lists of names are checked once for all runs that ask the same.
@@ -110,18 +107,19 @@ def options(
             "this version does not offer events; simulate without them and find the instant in the outputs",
             argument="events",
         )
+    by = checked_solver(solver)
     asked = (
-        t0, duration, rtol, atol, method, formulation, correction, switch_threshold, step, max_step, max_steps,
-        selection, window, renew, compiled,
+        t0, duration, rtol, atol, method, by.formulation, correction, switch_threshold, step, max_step, max_steps,
+        by.selection, by.window, by.renew, compiled,
     )  # fmt: skip
-    if independent is None and weights is None and baumgarte is None:
+    if independent is None and by.weights is None and by.baumgarte is None:
         try:
             return _checked_once(*asked)
         except TypeError:  # an array, which no table finds again
             return _checked(*asked)
     named = None if independent is None else velocities("independent", independent, velocity_names)
-    preferred = None if weights is None else _weights(weights, velocity_names)
-    return _checked(*asked, named, preferred, None if baumgarte is None else _baumgarte(baumgarte))
+    preferred = None if by.weights is None else _weights(by.weights, velocity_names)
+    return _checked(*asked, named, preferred, None if by.baumgarte is None else _baumgarte(by.baumgarte))
 
 
 @lru_cache(maxsize=64, typed=True)
@@ -231,9 +229,10 @@ def run(
     q: Array,
     v: Array,
     progress: Any,
-    tangent: TangentVelocities | None = None,
+    solver: Solver | None = None,
 ) -> dict[str, Any]:
     """Integrate in the core, and return its result."""
+    tangent = checked_solver(solver).tangent
     own = None if tangent is None else tangent_of(tangent, v.size)
     q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
     if progress is False:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core, deprecated
+from . import _core
 from . import options as run_options
 from .builder.compiled import Equations, checked
 from .errors import ArgumentError, DescriptionError, EvaluationError
 from .numeric import floats, is_list, shown
+from .solver import Solver
 from .state import Layout, State
-from .tangent import TangentVelocities
 from .units import Quantity
 
 if TYPE_CHECKING:
@@ -192,7 +192,6 @@ def simulate(
     rtol: float = 1e-8,
     atol: float = 1e-10,
     method: str = "dop853",
-    formulation: str = "projective",
     events: Iterable[Any] = (),
     progress: Any = False,
     correction: str = "partition",
@@ -201,14 +200,8 @@ def simulate(
     max_step: Quantity | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[str] | None = None,
-    selection: str = "collective",
-    weights: Mapping[str, float] | None = None,
-    window: Quantity | None = None,
-    baumgarte: tuple[float, float] | None = None,
-    renew: float | str = 0.5,
+    solver: Solver | None = None,
     compiled: bool | str = "auto",
-    tangent: TangentVelocities | None = None,
-    exchange: float | None = None,
 ) -> Result:
     """Compute the motion of a `System` over `duration` seconds; for a mechanism call its own `simulate`.
 
@@ -241,24 +234,19 @@ def simulate(
         rtol=rtol,
         atol=atol,
         method=method,
-        formulation=formulation,
         events=events,
         correction=correction,
-        switch_threshold=deprecated.option("exchange", exchange, switch_threshold),
+        switch_threshold=switch_threshold,
         step=step,
         max_step=max_step,
         max_steps=max_steps,
         independent=independent,
-        selection=selection,
-        weights=weights,
-        window=window,
-        baumgarte=baumgarte,
-        renew=renew,
+        solver=solver,
         compiled=compiled,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     summary = system.summary(start.t, start.q)
-    raw = run_options.run(system.core, chosen, times, start.q, start.v, progress, tangent)
+    raw = run_options.run(system.core, chosen, times, start.q, start.v, progress, solver)
     return Result.from_run(raw, model=system.core, summary=summary, options=dict(chosen))
 
 

@@ -62,7 +62,7 @@ def test_long_steps_keep_whole_turns(rate: float) -> None:
     m = four_bar()
     start = m.assemble(rates={"A": rate})
     runs = [
-        m.simulate(3.0, initial=start, formulation=formulation, independent=["A"], rtol=1e-3, atol=1e-4)
+        m.simulate(3.0, initial=start, solver=pt.Solver(formulation), independent=["A"], rtol=1e-3, atol=1e-4)
         for formulation in ("explicit-closing", "wehage-haug")
     ]
     assert all(run.success for run in runs)
@@ -78,7 +78,7 @@ def test_a_branch_is_kept_through_full_turns() -> None:
     for one in m.assemblies(rates={"A": 4.0}, inputs=["A"]):
         side = next(iter(one.branches.values()))
         for formulation in ("projective", "explicit-closing", "wehage-haug"):
-            run = m.simulate(5.0, initial=one.state, formulation=formulation, rtol=1e-9)
+            run = m.simulate(5.0, initial=one.state, solver=pt.Solver(formulation), rtol=1e-9)
             assert run.success, run.message
             assert np.ptp(run.joint("A").position) > 6 * np.pi
             b, c = run.body("2").point((0, 0, 0)), run.body("2").point((COUPLER, 0, 0))

@@ -408,7 +408,6 @@ def asked() -> dict[str, Callable[[], Call]]:
         "rtol": 1e-6,
         "atol": 1e-8,
         "method": "dop853",
-        "formulation": "projective",
         "events": (),
         "progress": False,
         "correction": "partition",
@@ -417,12 +416,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "max_step": 0.1,
         "max_steps": 50,
         "independent": None,
-        "selection": "collective",
-        "weights": None,
-        "window": None,
-        "baumgarte": None,
-        "renew": 0.5,
-        "tangent": None,
+        "solver": pt.Solver(),
     }
     compare = {
         "duration": 0.01,
@@ -485,6 +479,18 @@ def asked() -> dict[str, Callable[[], Call]]:
         "compare": (  # what it shares with Mechanism.compare is attacked there, where a run takes less time
             lambda **given: pt.compare(**{**compare, **given}),
             {"system": s, "q0": [1.0, 0.0], "v0": [0.0, 0.0], "initial": None, "t0": 0.0, "reference": user_run},
+        ),
+        "Solver": (
+            lambda **given: m.simulate(0.01, t_eval=[0.0, 0.01], solver=pt.Solver(**given)),
+            {
+                "formulation": "projective",
+                "selection": "collective",
+                "weights": None,
+                "window": None,
+                "baumgarte": None,
+                "renew": 0.5,
+                "tangent": None,
+            },
         ),
         "Mechanism.simulate": (
             m.simulate,
@@ -769,7 +775,7 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "rtol": 1e-8,
                 "atol": 1e-10,
                 "method": "dop853",
-                "formulation": "projective",
+                "solver": None,
                 "version": "3.0",
             },
         ),

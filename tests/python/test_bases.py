@@ -28,7 +28,9 @@ def test_a_basis_made_anew_at_each_step_is_counted(formulation: str) -> None:
     """As often as steps are taken, and once at the start; the log does not grow with them, the motion is the same."""
     m, start, duration = problem("four-bar")
     known = m.simulate(duration, initial=start, t_eval=[duration], rtol=1e-10)
-    run = m.simulate(duration, initial=start, t_eval=[duration], rtol=1e-10, formulation=formulation, renew="each step")
+    run = m.simulate(
+        duration, initial=start, t_eval=[duration], rtol=1e-10, solver=pt.Solver(formulation, renew="each step")
+    )
     assert run.success, run.message
     assert run.counters["renewals"] == 1 + run.counters["steps"] > 40
     assert len(run.partitions) == 1 and "renewed after each step" in run.partitions[0].reason
@@ -37,7 +39,7 @@ def test_a_basis_made_anew_at_each_step_is_counted(formulation: str) -> None:
     # the quality reported for an output is that of a basis made there: in the metric of kinetic energy it is 1
     best = formulation in ("gram-schmidt", "tangent-space")
     assert (run.sqrt_mu[-1] > 1 - 1e-9) if best else (0.1 < run.sqrt_mu[-1] < 1)
-    frozen = m.simulate(duration, initial=start, t_eval=[duration], formulation=formulation)
+    frozen = m.simulate(duration, initial=start, t_eval=[duration], solver=pt.Solver(formulation))
     assert frozen.counters["renewals"] == len(frozen.partitions) < 5
 
 
@@ -68,7 +70,7 @@ def test_four_bases_span_one_space(name: str, coordinates: str, part: float, tmp
     times = np.linspace(0.0, part * entry.duration, 9)
     runs = {
         formulation: m.simulate(
-            times[-1], initial=start, t_eval=times, coordinates=coordinates, formulation=formulation, renew=0.98,
+            times[-1], initial=start, t_eval=times, coordinates=coordinates, solver=pt.Solver(formulation, renew=0.98),
             method="rk4", step=times[-1] / 512,
         )
         for formulation in NULL_SPACE
@@ -111,7 +113,7 @@ def test_a_basis_is_known_across_singular_positions(formulation: str, tmp_path: 
     m = pantograph()
 
     def run_with(times: np.ndarray) -> pt.Result:
-        run = m.simulate(3.0, coordinates="absolute", formulation=formulation, t_eval=times, rtol=1e-8)
+        run = m.simulate(3.0, coordinates="absolute", solver=pt.Solver(formulation), t_eval=times, rtol=1e-8)
         assert run.success and crossed(run) >= 1, run.message
         return run
 
@@ -143,7 +145,9 @@ def test_a_basis_is_known_across_singular_positions(formulation: str, tmp_path: 
 def test_the_mass_orthonormal_basis_is_a_space_of_its_own() -> None:
     """Its covectors are M D^T of tangent vectors: perfect when made, where the null space of C is not."""
     m, start, _ = problem("three-rrr")
-    runs = {name: m.simulate(0.1, t_eval=[0.0], initial=start, formulation=name) for name in (*BASES, "tangent-space")}
+    runs = {
+        name: m.simulate(0.1, t_eval=[0.0], initial=start, solver=pt.Solver(name)) for name in (*BASES, "tangent-space")
+    }
     found = {name: run.geometry() for name, run in runs.items()}
     for name in ("gram-schmidt", "tangent-space"):
         g = found[name]
@@ -160,7 +164,7 @@ def test_the_mass_orthonormal_basis_is_a_space_of_its_own() -> None:
 def test_a_run_without_a_basis_has_no_selector(formulation: str, tmp_path: Path) -> None:
     """Where coordinates are chosen S is made of rows of the identity; the geometry has it."""
     m, start, duration = problem("three-rrr")
-    run = m.simulate(0.1 * duration, initial=start, t_eval=[0.0, 0.1 * duration], formulation=formulation)
+    run = m.simulate(0.1 * duration, initial=start, t_eval=[0.0, 0.1 * duration], solver=pt.Solver(formulation))
     stored = pt.load_result(run.save(tmp_path / "run.json"))
     assert run.selector is None and stored.selector is None
     assert "selector" not in run.arrays and "selector" not in run.to_xarray()
@@ -176,7 +180,7 @@ def test_a_basis_made_anew_at_each_step_is_reported_at_the_output(tmp_path: Path
     times = np.linspace(0.0, 0.05 * entry.duration, 6)
     runs = {
         formulation: m.simulate(
-            times[-1], initial=entry.initial(m), t_eval=times, formulation=formulation, renew="each step"
+            times[-1], initial=entry.initial(m), t_eval=times, solver=pt.Solver(formulation, renew="each step")
         )
         for formulation in NULL_SPACE
     }
@@ -205,7 +209,7 @@ def test_a_basis_has_to_be_made_anew(formulation: str) -> None:
 
     runs = {
         renew: m.simulate(
-            times[-1], initial=start, t_eval=times, coordinates="absolute", formulation=formulation, renew=renew
+            times[-1], initial=start, t_eval=times, coordinates="absolute", solver=pt.Solver(formulation, renew=renew)
         )
         for renew in (0, 0.5, "each step")
     }
@@ -220,7 +224,7 @@ def test_renew_takes_a_part_or_the_words() -> None:
     m, start, _ = problem("four-bar")
     for wrong in ("each-step", "never", 1.5, -0.1, float("nan"), None):
         with pytest.raises(pt.errors.ArgumentError, match=r"renew is .*0 to 1, or 'each step'"):
-            m.simulate(0.1, initial=start, formulation="qr", renew=wrong)
+            m.simulate(0.1, initial=start, solver=pt.Solver("qr", renew=wrong))
     # the core, asked without the front
     chosen = options.Options(options.options(0.0, 0.1, m.compile().velocity_names), renew="now and then")
     with pytest.raises(pt.errors.ArgumentError, match=r"renew is \"now and then\""):
@@ -230,7 +234,7 @@ def test_renew_takes_a_part_or_the_words() -> None:
 def test_iterations_are_counted_where_something_iterates() -> None:
     m, start, duration = problem("four-bar")
     counters = {
-        name: m.simulate(duration, initial=start, t_eval=[duration], formulation=name).counters
+        name: m.simulate(duration, initial=start, t_eval=[duration], solver=pt.Solver(name)).counters
         for name in ("projective", "wehage-haug", "tangent-space", "proximal", "explicit-closing")
     }
     newton = {name: c["newton_iterations"] for name, c in counters.items()}
@@ -241,14 +245,14 @@ def test_iterations_are_counted_where_something_iterates() -> None:
     assert 2 <= proximal["proximal"] / counters["proximal"]["evaluations"] < 4
     assert sum(proximal.values()) == proximal["proximal"]
     # outputs do not count, however many
-    many = m.simulate(duration, initial=start, formulation="wehage-haug")
+    many = m.simulate(duration, initial=start, solver=pt.Solver("wehage-haug"))
     assert many.counters["newton_iterations"] < 1.2 * newton["wehage-haug"] + 8 * many.counters["dense_evaluations"]
 
 
 def test_implicit_blocks_of_an_explicit_closing_iterate() -> None:
     """Bricard's six hinges are no chain of dyads: their block is solved by Newton's method, and that is counted."""
     m, start, duration = problem("bricard")
-    run = m.simulate(0.2 * duration, initial=start, t_eval=[0.2 * duration], formulation="explicit-closing")
+    run = m.simulate(0.2 * duration, initial=start, t_eval=[0.2 * duration], solver=pt.Solver("explicit-closing"))
     assert run.success, run.message
     assert run.counters["newton_iterations"] >= run.counters["evaluations"]
 
@@ -278,8 +282,7 @@ def test_wehage_haug_with_its_own_complete_pivoting(name: str, coordinates: str)
         initial=start,
         t_eval=[duration],
         coordinates=coordinates,
-        formulation="wehage-haug",
-        selection="complete-pivoting",
+        solver=pt.Solver("wehage-haug", selection="complete-pivoting"),
     )
     assert run.success, run.message
     known = m.simulate(duration, initial=start, t_eval=[duration], coordinates=coordinates)
@@ -296,7 +299,7 @@ def test_wehage_haug_with_its_own_complete_pivoting(name: str, coordinates: str)
 def test_a_poor_choice_of_pivots_is_replaced() -> None:
     """One turn of a crank leads every coordinate of the rocker through a dead point."""
     m, start, _ = problem("four-bar")
-    run = m.simulate(5.0, initial=start, t_eval=[5.0], formulation="wehage-haug", selection="complete-pivoting")
+    run = m.simulate(5.0, initial=start, t_eval=[5.0], solver=pt.Solver("wehage-haug", selection="complete-pivoting"))
     assert run.success, run.message
     assert run.counters["switches"] == len(run.partitions) - 1 >= 2
 
@@ -316,7 +319,7 @@ def test_sparse_and_dense_multipliers_are_one(name: str, coordinates: str) -> No
             initial=start,
             t_eval=times,
             coordinates=coordinates,
-            formulation=name,
+            solver=pt.Solver(name),
             step=duration / 64,
             method="rk4",
         )
@@ -342,7 +345,9 @@ def test_an_explicit_closing_does_not_plan_as_it_goes() -> None:
     m, start, _ = problem("three-rrr")
     h = 1e-5
     plans = [
-        m.simulate(steps * h, initial=start, formulation="explicit-closing", method="rk4", step=h).counters["plans"]
+        m.simulate(steps * h, initial=start, solver=pt.Solver("explicit-closing"), method="rk4", step=h).counters[
+            "plans"
+        ]
         for steps in (200, 1600)
     ]
     assert plans[1] - plans[0] < 1400 // 8, plans

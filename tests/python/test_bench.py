@@ -10,6 +10,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import partita as pt
+
 BENCHES = Path(__file__).parents[2] / "benches"
 
 
@@ -92,7 +94,7 @@ def test_formulations_move_many_parts_alike(bench: ModuleType, kind: str, size: 
     options = {"initial": start, "coordinates": coordinates, "t_eval": [0.02]}
     expected = m.simulate(0.02, **options)
     for formulation in ALL_COORDINATES:
-        run = m.simulate(0.02, formulation=formulation, **options)
+        run = m.simulate(0.02, solver=pt.Solver(formulation), **options)
         assert run.success, (formulation, run.message)
         assert np.allclose(run.q, expected.q, rtol=0.0, atol=1e-7), formulation
         assert np.allclose(run.v, expected.v, rtol=0.0, atol=1e-6), formulation

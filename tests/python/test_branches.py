@@ -7,6 +7,8 @@ import pytest
 from branches import FAMILIES, FULL, FourBar, mechanism, trial
 from thorough import THOROUGH, either
 
+import partita as pt
+
 pytestmark = pytest.mark.filterwarnings("ignore::partita.errors.SuspectResultWarning")
 
 
@@ -88,7 +90,7 @@ def test_outputs_beside_a_position_that_is_passed_at_a_distance_are_closed() -> 
     start = m.assemble(rates={"A": rng.uniform(1, 4)}, coordinates="absolute")
     t = np.linspace(0.0, 4.0, 300)
     run = m.simulate(
-        4.0, t_eval=t, initial=start, coordinates="absolute", rtol=1e-3, atol=1e-5, formulation="wehage-haug"
+        4.0, t_eval=t, initial=start, coordinates="absolute", rtol=1e-3, atol=1e-5, solver=pt.Solver("wehage-haug")
     )
     assert run.success and run.closure.max() < 1e-12 and run.velocity_closure.max() < 1e-11
 

@@ -266,7 +266,7 @@ def test_bad_arguments_of_assemble(arguments: dict[str, Any], error: type[Except
         ({"rtol": -1e-8}, "rtol"),
         ({"atol": 0.0}, "atol"),
         ({"method": "dop583"}, "'dop853'"),
-        ({"formulation": "lagrange"}, "'projective', 'fixed', 'wehage-haug'"),
+        ({"solver": pt.Solver("lagrange")}, "'projective', 'fixed', 'wehage-haug'"),
         ({"coordinates": "joint"}, "'relative', 'absolute'"),
         ({"correction": "Partition"}, "'partition'"),
         ({"switch_threshold": 0.5}, "1.25 is usual"),

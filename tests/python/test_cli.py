@@ -14,6 +14,7 @@ import pytest
 import partita as pt
 from partita import results
 from partita.cli import main
+from partita.solver import grouped
 
 
 def run(*words: object) -> int:
@@ -91,7 +92,7 @@ def test_every_option_of_the_equations_reaches_them(tmp_path: Path) -> None:
         (("--formulation", "baumgarte", "--baumgarte", "10,10"), {"formulation": "baumgarte", "baumgarte": (10, 10)}),
     ):
         assert run(*common, *words, "--quiet", "--save", path) == 0
-        expected = m.simulate(0.5, t_eval=times, initial=start, rtol=1e-6, atol=1e-8, **options)  # type: ignore[arg-type]
+        expected = m.simulate(0.5, t_eval=times, initial=start, rtol=1e-6, atol=1e-8, **grouped(options))
         assert np.array_equal(results.load_result(path).q, expected.q), words
         reported = {key: value for key, value in results.load_result(path).options.items() if key in options}
         assert reported.keys() == options.keys()

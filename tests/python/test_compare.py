@@ -182,15 +182,15 @@ def test_rules_free_of_units_are_one_rule_for_one_degree_of_freedom() -> None:
     m = pt.catalogue.load("four-bar")
     start = pt.catalogue.entry("four-bar").initial(m)
     runs = (
-        (lambda rule: pt.simulate(pendulum(), 3.0, [1.0, 0.0], [0.0, 0.0], selection=rule), True),
-        (lambda rule: m.simulate(5.0, initial=start, selection=rule), False),
+        (lambda rule: pt.simulate(pendulum(), 3.0, [1.0, 0.0], [0.0, 0.0], solver=pt.Solver(selection=rule)), True),
+        (lambda rule: m.simulate(5.0, initial=start, solver=pt.Solver(selection=rule)), False),
     )
     for run, switched in runs:
         rules = ("collective", "greedy", "individual", "normalised-determinant")
         logs = [[(p.t, p.independent) for p in run(rule).partitions] for rule in rules]
         assert all(log == logs[0] for log in logs) and (len(logs[0]) > 1) == switched
     closed = m.simulate(
-        5.0, initial=start, formulation="explicit-closing"
+        5.0, initial=start, solver=pt.Solver("explicit-closing")
     )  # chooses anew now and then, by the same measure
     assert len(closed.partitions) == 1
 

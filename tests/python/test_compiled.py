@@ -177,7 +177,7 @@ def test_what_cannot_be_compiled_is_evaluated_as_without() -> None:
     rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
     hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
     assert compiled(same(m, 0.5)) > 0
-    assert compiled(same(m, 0.5, formulation="multipliers")) == 0
+    assert compiled(same(m, 0.5, solver=pt.Solver("multipliers"))) == 0
     assert compiled(same(m, 0.5, correction="kantorovich")) == 0
     m.add_torque(hinge, lambda t, state: 0.1 * t)
     assert compiled(same(m, 0.5)) == 0

@@ -440,7 +440,7 @@ def test_closing_through_a_gear() -> None:
     assert len(both) == 2 and len(both.notes) == 0
     for one in both:
         runs = {
-            name: run(m, "relative", 0.8, formulation=name, initial=one.state, t_eval=np.linspace(0, 0.8, 20))
+            name: run(m, "relative", 0.8, solver=pt.Solver(name), initial=one.state, t_eval=np.linspace(0, 0.8, 20))
             for name in ("explicit-closing", "projective")
         }
         explicit, other = (r.body("c").position for r in runs.values())

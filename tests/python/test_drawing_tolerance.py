@@ -203,8 +203,8 @@ def test_of_any_size(scale: float) -> None:
 
 @pytest.mark.parametrize("formulation", EVERY)
 def test_every_formulation(formulation: str) -> None:
-    nominal = four_bar(0.0).simulate(0.3, formulation=formulation)
-    run = four_bar(1e-5).simulate(0.3, formulation=formulation)
+    nominal = four_bar(0.0).simulate(0.3, solver=pt.Solver(formulation))
+    run = four_bar(1e-5).simulate(0.3, solver=pt.Solver(formulation))
     assert run.success and run.certificate.verdict == "valid", run.certificate.findings
     assert np.abs(run.body("rocker").position - nominal.body("rocker").position).max() < 1e-4
 

@@ -17,6 +17,7 @@ from partita import options
 from partita.builder.compiled import CompiledModel
 from partita.catalogue import Entry
 from partita.results import Result
+from partita.solver import grouped
 from partita.state import State
 
 # Part of the published run that the test marches: long enough for renewals and switches, short enough for all methods.
@@ -74,7 +75,12 @@ def march(name: str, formulation: str, **more: Any) -> Result:
     if formulation == "user-tangent":
         more["tangent"] = tangent(m.compile(), start)
     return m.simulate(
-        times[-1], t_eval=times, initial=start, formulation=formulation, rtol=RTOL, atol=RTOL * scale(entry), **more
+        times[-1],
+        t_eval=times,
+        initial=start,
+        rtol=RTOL,
+        atol=RTOL * scale(entry),
+        **grouped({"formulation": formulation, **more}),
     )
 
 
@@ -134,16 +140,15 @@ def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
     if formulation == "user-tangent":
         # that of one coordinate, and no single coordinate of a body is free of dead points over so much motion
         times = times[times < 1.0]
-    more = {"tangent": tangent(m.compile("absolute"), start)} if formulation == "user-tangent" else {}
+    own = tangent(m.compile("absolute"), start) if formulation == "user-tangent" else None
     run = m.simulate(
         times[-1],
         t_eval=times,
         initial=start,
         coordinates="absolute",
-        formulation=formulation,
+        solver=pt.Solver(formulation, tangent=own),
         rtol=RTOL,
         atol=1e-2 * RTOL,
-        **more,
     )
     if formulation == "fixed":
         # nor is the one that is kept here
@@ -225,7 +230,7 @@ def test_a_closing_that_does_not_close_is_refused() -> None:
         closing=("y", lambda t, q: [-0.7]),
     )
     with pytest.raises(pt.errors.ArgumentError, match=r"closure error of .* in constraint 0"):
-        pt.simulate(ring, 0.3, [0.6, -0.8], [0.0, 0.0], formulation="explicit-closing")
+        pt.simulate(ring, 0.3, [0.6, -0.8], [0.0, 0.0], solver=pt.Solver("explicit-closing"))
 
 
 LENGTHS, GROUND = np.array([1.0, 2.5, 2.0]), 2.2
@@ -277,10 +282,9 @@ def user_defined(formulation: str) -> tuple[Result, np.ndarray]:
     q[1:] = close(0.0, q)
     v = 1.5 * directions(0.0, q)[0]
     times = np.linspace(0.0, 1.0, 11)
-    more: dict[str, Any] = {}
-    if formulation == "user-tangent":
-        more["tangent"] = pt.TangentVelocities(directions)
-    run = pt.simulate(system, 1.0, q, v, t_eval=times, formulation=formulation, rtol=RTOL, atol=1e-12, **more)
+    velocities = pt.TangentVelocities(directions) if formulation == "user-tangent" else None
+    solver = pt.Solver(formulation, tangent=velocities)
+    run = pt.simulate(system, 1.0, q, v, t_eval=times, solver=solver, rtol=RTOL, atol=1e-12)
     return run, times
 
 
@@ -316,7 +320,7 @@ def test_every_algorithm_has_a_name_a_file_and_a_test() -> None:
             if given.get("formulation") == "baumgarte":
                 asked["baumgarte"] = (10.0, 10.0)
             if given.get("formulation") != "user-tangent":
-                assert m.simulate(0.1, initial=start, **asked).success, (name, word)
+                assert m.simulate(0.1, initial=start, **grouped(asked)).success, (name, word)
     assert named >= {
         *options.FORMULATIONS,
         *options.SELECTIONS,

@@ -294,10 +294,10 @@ def test_a_four_bar_with_friction_in_all_hinges_is_the_same_in_all_formulations_
     runs = {"reference": four_bar().simulate(1.0, **TIGHT)}
     balanced(runs["reference"])
     for name in ("multipliers", "explicit-closing", "tangent-space", "wehage-haug", "sparse-multipliers"):
-        runs[name] = four_bar().simulate(1.0, formulation=name, **TIGHT)
+        runs[name] = four_bar().simulate(1.0, solver=pt.Solver(name), **TIGHT)
     runs["absolute"] = four_bar().simulate(1.0, coordinates="absolute", **TIGHT)
     runs["absolute, sparse"] = four_bar().simulate(
-        1.0, coordinates="absolute", formulation="sparse-multipliers", **TIGHT
+        1.0, coordinates="absolute", solver=pt.Solver("sparse-multipliers"), **TIGHT
     )
     for cut in "ABCD":
         runs[f"cut {cut}"] = four_bar(cut).simulate(1.0, **TIGHT)

@@ -50,7 +50,7 @@ CORE_USERS = {"__init__", "builder", "io", "options", "partition", "results", "s
 USE = re.compile(r"\bpartita_(\w+)(?=\s*(?:::|;|as\b))")
 """`partita_math::dense`, `use partita_math;`, `use partita_math as math`."""
 
-LEAVES = {"deprecated", "errors", "numeric", "units"}
+LEAVES = {"errors", "numeric", "units"}
 """Modules that know nothing of the rest of the package, errors and numbers excepted."""
 
 MECHANICS = {"scipy.linalg", "scipy.sparse", "scipy.integrate", "scipy.optimize"}
@@ -278,7 +278,7 @@ def test_leaves_import_nothing_of_the_package() -> None:
         if room(path) in LEAVES
         for line, name in imported(path)
         if below(name, "partita")
-        and not any(below(name, f"partita.{leaf}") for leaf in ("deprecated", "errors", "numeric", room(path)))
+        and not any(below(name, f"partita.{leaf}") for leaf in ("errors", "numeric", room(path)))
     ]
     assert not wrong, wrong
 

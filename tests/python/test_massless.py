@@ -76,7 +76,7 @@ def along(r: Any, first: str, last: str) -> np.ndarray:
 def test_a_coupler_without_mass_is_a_held_distance(tied: Any, coordinates: str, formulation: str) -> None:
     if (coordinates, formulation) == ("absolute", "explicit-closing"):
         pytest.skip("explicit closing walks joints of the tree; absolute coordinates have none")
-    r = run(four_bar(), coordinates, formulation=formulation)
+    r = run(four_bar(), coordinates, solver=pt.Solver(formulation))
     assert np.abs(turns(r, "A", "D") - turns(tied, "A", "D")).max() < 1e-10
     tension = tied.coupling("bar").tension
     # it carries force along its line alone, at both ends
@@ -262,7 +262,7 @@ SPATIAL = ["projective", "svd", "gram-schmidt", "multipliers", "sparse-multiplie
 @pytest.mark.parametrize("formulation", SPATIAL)
 def test_a_rod_without_mass_between_balls_is_a_held_distance(coordinates: str, formulation: str) -> None:
     held = run(tie("distance"), rates={"A": 1.0})
-    r = run(tie("massless"), coordinates, rates={"A": 1.0}, formulation=formulation)
+    r = run(tie("massless"), coordinates, rates={"A": 1.0}, solver=pt.Solver(formulation))
     assert np.abs(turns(r, "A", "D") - turns(held, "A", "D")).max() < 1e-10
     tension = held.coupling("bar").tension[:, None]
     assert np.abs(r.joint("B").force + tension * along(r, "B", "C")).max() < 1e-8 * np.abs(tension).max()
@@ -346,7 +346,9 @@ def test_a_delta_robot_on_forearms_without_mass(coordinates: str, formulation: s
     rates = {"A0": 0.3, "A1": -0.2, "A2": 0.1}
     arms = [f"A{leg}" for leg in range(3)]
     tied = run(delta("distance"), rates=rates, duration=0.15, rtol=1e-10, atol=1e-10)
-    r = run(delta("rods"), coordinates, rates=rates, duration=0.15, rtol=1e-10, atol=1e-10, formulation=formulation)
+    r = run(
+        delta("rods"), coordinates, rates=rates, duration=0.15, rtol=1e-10, atol=1e-10, solver=pt.Solver(formulation)
+    )
     assert np.abs(turns(r, *arms) - turns(tied, *arms)).max() < 1e-8
     for leg in range(3):
         for side in "ab":
@@ -375,7 +377,9 @@ def test_many_loops_with_couplers_without_mass(mass: float) -> None:
         parent, at = right_arm, far
     start = m.assemble(rates={"A0": 1.0})
     settings = {"initial": start, "rtol": 1e-10, "atol": 1e-10, "t_eval": [0.0, 0.2, 0.4]}
-    runs = [m.simulate(0.4, formulation=f, **settings) for f in ("projective", "sparse-multipliers", "range-space")]
+    runs = [
+        m.simulate(0.4, solver=pt.Solver(f), **settings) for f in ("projective", "sparse-multipliers", "range-space")
+    ]
     assert all(r.success and r.certificate.verdict == "valid" for r in runs)
     for r in runs[1:]:
         assert np.abs(r.q - runs[0].q).max() < 1e-9

@@ -52,12 +52,12 @@ def test_a_switch_of_coordinates_is_free_for_one_step_methods_alone() -> None:
 
 def test_a_basis_renewed_each_step_leaves_nothing_to_remember() -> None:
     """Every step begins anew, at order two: far more steps, and still right."""
-    kept = run("slider-crank", "adams", formulation="svd")
+    kept = run("slider-crank", "adams", solver=pt.Solver("svd"))
     entry = pt.catalogue.entry("slider-crank")
     m = entry.mechanism()
     again = m.simulate(
-        0.02, t_eval=[0.02], initial=entry.initial(m), rtol=1e-6, atol=1e-8, method="adams", formulation="svd",
-        renew="each step",
+        0.02, t_eval=[0.02], initial=entry.initial(m), rtol=1e-6, atol=1e-8, method="adams",
+        solver=pt.Solver("svd", renew="each step"),
     )  # fmt: skip
     assert again.success
     per_second = kept.counters["steps"] / (kept.t[-1] - entry.initial(m).t)

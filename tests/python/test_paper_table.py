@@ -18,6 +18,7 @@ import partita as pt
 from partita import instant, partition
 from partita.builder.compiled import CompiledModel
 from partita.results import Result
+from partita.solver import grouped
 
 TITLE = "## Every equation and claim"
 WITHIN = 1e-11
@@ -118,7 +119,7 @@ def test_what_computes_a_claim_exists_and_runs(row: list[str]) -> None:
         for value in values:
             others = {"formulation": "svd"} if key == "renew" else {}
             start = m.convert(entry.initial(m), value if key == "coordinates" else "relative")
-            assert m.simulate(0.1, initial=start, **others, **{key: value}).success, (key, value)
+            assert m.simulate(0.1, initial=start, **grouped({**others, key: value})).success, (key, value)
 
 
 def test_what_is_drawn_is_on_a_page() -> None:

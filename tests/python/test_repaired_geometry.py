@@ -84,8 +84,8 @@ def test_of_any_size(unit: float) -> None:
 @pytest.mark.parametrize("formulation", EVERY)
 def test_every_formulation(formulation: str) -> None:
     tilt = {"B0": np.array([1e-5, 0.0, 0.0])}
-    run = cranks("in a triangle", tilt).simulate(0.3, formulation=formulation)
-    nominal = cranks("in a triangle", {}).simulate(0.3, formulation=formulation)
+    run = cranks("in a triangle", tilt).simulate(0.3, solver=pt.Solver(formulation))
+    nominal = cranks("in a triangle", {}).simulate(0.3, solver=pt.Solver(formulation))
     assert is_valid(run), (run.message, run.certificate.findings)
     assert np.abs(path(run) - path(nominal)).max() < 1e-4
 

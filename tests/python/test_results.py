@@ -213,7 +213,7 @@ def hard(user_defined: results.Result) -> list[results.Result]:
     outputs, one with settings that are several numbers."""
     free = pt.Mechanism("free")
     free.add_body("b", mass=1.0, inertia=(1, 1, 1))
-    drifting = pt.catalogue.load("slider-crank").simulate(0.05, formulation="baumgarte", baumgarte=(5.0, 5.0))
+    drifting = pt.catalogue.load("slider-crank").simulate(0.05, solver=pt.Solver("baumgarte", baumgarte=(5.0, 5.0)))
     runs = [odd(), user_defined, free.simulate(0.1), failing([0.0, 0.2, 1.0]), failing([0.6]), drifting]
     assert not len(runs[4].t) and not runs[3].success
     return runs

@@ -65,7 +65,7 @@ def test_a_geared_wheel_on_the_ground_is_the_same() -> None:
 @pytest.mark.parametrize("form", FORMS)
 def test_every_formulation_moves_alike(where: str, form: str) -> None:
     m = four_bar(where)
-    run, other = motion(m), motion(m, formulation=form)
+    run, other = motion(m), motion(m, solver=pt.Solver(form))
     assert np.abs(run.v - other.v).max() < 1e-7
     assert np.abs(run.vdot - other.vdot).max() < 1e-6
 

@@ -139,7 +139,7 @@ def test_jacks_drawn_by_chance(coordinates: str) -> None:
 def test_rows_that_turn_in_all_formulations(formulation: str) -> None:
     for seed, duration in TURNED[:5]:
         m, driven, rate = jack(seed, duration)
-        runs_as_driven(m, driven, rate, duration, formulation=formulation)
+        runs_as_driven(m, driven, rate, duration, solver=pt.Solver(formulation))
 
 
 EVERY_VELOCITY = ["multipliers", "sparse-multipliers", "range-space", "proximal"]
@@ -151,7 +151,7 @@ def test_all_velocities_of_a_bennett_linkage_have_rows_that_serve(formulation: s
     entry = pt.catalogue.entry("bennett")
     m = entry.mechanism()
     found = {
-        name: m.simulate(10.0, initial=entry.initial(m), rtol=1e-10, atol=1e-12, formulation=name)
+        name: m.simulate(10.0, initial=entry.initial(m), rtol=1e-10, atol=1e-12, solver=pt.Solver(name))
         for name in ("projective", formulation)
     }
     assert all(run.success for run in found.values())
@@ -211,7 +211,13 @@ def test_overconstrained_mechanisms_in_all_velocities(name: str, coordinates: st
     for rtol in (1e-5, 1e-8, 1e-10):
         runs = {
             form: m.simulate(
-                0.3, t_eval=times, initial=start, rtol=rtol, atol=rtol / 100, formulation=form, coordinates=coordinates
+                0.3,
+                t_eval=times,
+                initial=start,
+                rtol=rtol,
+                atol=rtol / 100,
+                solver=pt.Solver(form),
+                coordinates=coordinates,
             )
             for form in ("projective", *EVERY_VELOCITY)
         }

@@ -74,9 +74,9 @@ def runs_of(name: str) -> dict[str, Run]:
         "as usual": run,
         "short, fixed": lambda m: run(m, duration=0.01 * span, step=0.01 * span, method="rk4"),
         "from another state": lambda m: run(m, initial=other_state(m, name)),
-        "multipliers": lambda m: run(m, formulation="multipliers"),
-        "gram-schmidt": lambda m: run(m, formulation="gram-schmidt"),
-        "persistence": lambda m: run(m, selection="persistence", window=span),
+        "multipliers": lambda m: run(m, solver=pt.Solver("multipliers")),
+        "gram-schmidt": lambda m: run(m, solver=pt.Solver("gram-schmidt")),
+        "persistence": lambda m: run(m, solver=pt.Solver(selection="persistence", window=span)),
         "absolute": lambda m: run(m, coordinates="absolute", duration=0.1 * span),
         "tight": lambda m: run(m, rtol=1e-11, atol=1e-12, duration=0.2 * span),
     }
@@ -134,7 +134,7 @@ def test_threads_that_share_a_model_get_what_one_gets(name: str) -> None:
         state = states[i % 2]
         assert state is not None
         times = state.t + np.linspace(0.0, span, 11)
-        asked = run_options.options(state.t, span, model.velocity_names, formulation=forms[i % 3])
+        asked = run_options.options(state.t, span, model.velocity_names, solver=pt.Solver(forms[i % 3]))
         raw = run_options.run(model.core, asked, np.clip(times, state.t, asked["t_end"]), state.q, state.v, False)
         assert raw["success"]
         return raw["arrays"]["q"].tobytes(), raw["arrays"]["v"].tobytes()
@@ -211,7 +211,7 @@ def test_what_is_changed_between_runs_is_seen() -> None:
             lambda: of.simulate(0.2, initial=state, rtol=1e-6, **end),
             lambda: of.simulate(0.2, initial=state, method="tsit5", **end),
             lambda: of.simulate(0.2, initial=state, parameters={"coupler.mass": 3.0}, **end),
-            lambda: of.simulate(0.2, initial=state, selection="greedy", **end),
+            lambda: of.simulate(0.2, initial=state, solver=pt.Solver(selection="greedy"), **end),
         ]
 
     alone = [reported(changes(made("four-bar"))[i]()) for i in range(6)]

@@ -191,7 +191,7 @@ FORMULATIONS = [
 def test_every_formulation_starts(formulation: str) -> None:
     m, t = stretched(gravity=(0.0, -9.81)), np.linspace(0.0, 0.1, 11)
     angle, _ = pendulum((0.0, -9.81), 2.0, t)
-    run = started(m, ALONG, t[-1], "relative", formulation=formulation, t_eval=t)
+    run = started(m, ALONG, t[-1], "relative", solver=pt.Solver(formulation), t_eval=t)
     assert np.abs(run.joint("A").position[:, 0] - angle).max() < 1e-6
 
 

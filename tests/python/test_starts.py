@@ -50,8 +50,8 @@ def test_a_start_off_its_closure_is_where_the_run_starts(name: str, coordinates:
 def test_every_formulation_starts_closed(formulation: str) -> None:
     m = pt.catalogue.load("four-bar")
     s = m.assemble()
-    run = m.simulate(0.2, initial=opened(s, 1e-4, 5), formulation=formulation, **TIGHT)
-    other = m.simulate(0.2, initial=again(run, s), formulation=formulation, **TIGHT)
+    run = m.simulate(0.2, initial=opened(s, 1e-4, 5), solver=pt.Solver(formulation), **TIGHT)
+    other = m.simulate(0.2, initial=again(run, s), solver=pt.Solver(formulation), **TIGHT)
     assert run.success and np.abs(run.q - other.q).max() < 1e-10
 
 

@@ -122,7 +122,7 @@ def test_smooth_in_time_through_switches_and_renewals() -> None:
         assert run.certificate.switches > 0
         bends.append(np.abs(np.diff(wrenches(run), 2, axis=0)).max())
     assert 3.0 < bends[0] / bends[1] < 5.0
-    fixed = m.simulate(2.0, initial=start, formulation="svd", t_eval=np.linspace(0.0, 2.0, 401), **tight)
+    fixed = m.simulate(2.0, initial=start, solver=pt.Solver("svd"), t_eval=np.linspace(0.0, 2.0, 401), **tight)
     np.testing.assert_allclose(wrenches(fixed), wrenches(run), atol=1e-7 * np.abs(wrenches(run)).max())
 
 

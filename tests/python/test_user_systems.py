@@ -196,7 +196,7 @@ def test_redundant_rows_beside_nonholonomic_ones(formulation: str) -> None:
         names=["x", "y", "turn", "z"],
     )
     q0 = [0.3, 0.4, 0.0, 0.125]
-    run = pt.simulate(sleigh, 1.5, q0, [1.0, 0.0, 0.2, 0.3], formulation=formulation)
+    run = pt.simulate(sleigh, 1.5, q0, [1.0, 0.0, 0.2, 0.3], solver=pt.Solver(formulation))
     assert run.success and run.closure.max() < 1e-12 and run.velocity_closure.max() < 1e-12
     for q, v, vdot, multipliers in zip(run.q, run.v, run.vdot, run.multipliers, strict=True):
         # of least norm, so that no choice of rows enters; the rank is 2 of 5

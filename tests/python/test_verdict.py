@@ -46,7 +46,12 @@ def test_what_is_right_is_valid(name: str, formulation: str) -> None:
     span, own = min(entry.duration, 0.5), PROBLEMS.index(name) + CLOSED.index(formulation)
     for rtol in either((TOLERANCES[own % 3],), TOLERANCES):
         run = m.simulate(
-            span, initial=start, rtol=rtol, atol=1e-2 * rtol, formulation=formulation, t_eval=np.linspace(0, span, 21)
+            span,
+            initial=start,
+            rtol=rtol,
+            atol=1e-2 * rtol,
+            solver=pt.Solver(formulation),
+            t_eval=np.linspace(0, span, 21),
         )
         assert run.success and run.certificate.verdict == "valid", (rtol, run.message, run.certificate.findings)
         assert max(run.record.gaps) <= 1e-9
@@ -55,7 +60,7 @@ def test_what_is_right_is_valid(name: str, formulation: str) -> None:
 @pytest.mark.parametrize("formulation", ["projective", "multipliers"])
 def test_drift_that_was_asked_for_is_valid(formulation: str) -> None:
     for rtol in (1e-4, 1e-8):
-        run = pt.catalogue.entry("four-bar").simulate(rtol=rtol, formulation=formulation, correction="none")
+        run = pt.catalogue.entry("four-bar").simulate(rtol=rtol, solver=pt.Solver(formulation), correction="none")
         assert run.success and run.certificate.verdict == "valid", run.certificate.findings
 
 
@@ -171,7 +176,7 @@ def test_a_drive_that_jumps_teleports_nothing(make: object, formulation: str) ->
     m = make()  # type: ignore[operator]
     m.add_drive("A", position=lambda t: 0.0 if t < 0.5 else 0.4)
     try:
-        run = m.simulate(1.0, formulation=formulation)
+        run = m.simulate(1.0, solver=pt.Solver(formulation))
     except PartitaError as error:
         assert "drive of A" in str(error)
         return
@@ -201,7 +206,7 @@ def test_work_of_drives_where_nothing_else_moves(make: object, formulation: str)
     m = make()  # type: ignore[operator]
     m.add_drive("A", position=lambda t: 2.0 * t + 0.5 * np.sin(3.0 * t))
     for rtol in (1e-4, 1e-8, 1e-12):
-        run = m.simulate(2.0, initial=m.assemble(), rtol=rtol, atol=1e-2 * rtol, formulation=formulation)
+        run = m.simulate(2.0, initial=m.assemble(), rtol=rtol, atol=1e-2 * rtol, solver=pt.Solver(formulation))
         assert run.success and run.certificate.verdict == "valid", run.certificate.findings
         assert run.energy.relative_balance <= 20.0 * rtol + 1e-12
 

@@ -1,6 +1,6 @@
 """One vocabulary: names in the code use the words of the field, not those that the project once made up.
 
-A textbook's word for each is given beside it. Names that stay for one release are listed in `partita.deprecated` alone.
+A textbook's word for each is given beside it.
 """
 
 import ast
@@ -10,8 +10,6 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-
-from partita import deprecated
 
 ROOT = Path(__file__).parents[2]
 
@@ -37,13 +35,6 @@ WHOLE = {
     "places": "positions, points, indices",
 }  # fmt: skip
 """Words that a name may not consist of; `_rs` stands for a file."""
-
-ALLOWED = {
-    "exchange": "the old option, which warns",
-    "misfit": "the old field of a certificate, which warns",
-    "broken": "the old field of a finding, which warns",
-}
-"""Deprecated names, each only in a file that imports `deprecated`."""
 
 
 def parts(name: str) -> list[str]:
@@ -104,18 +95,11 @@ def homemade(name: str) -> str | None:
 def test_names_are_those_of_the_field() -> None:
     wrong = {}
     for path in sources(".rs", ".py", ".pyi", ".js"):
-        may = ALLOWED if "deprecated" in path.read_text("utf-8") else {}
         for name in names(path):
             better = homemade(name)
-            if better and name not in may and not (name.startswith("test_") and name in WHOLE):
+            if better and not (name.startswith("test_") and name in WHOLE):
                 wrong[f"{path.relative_to(ROOT)}: {name}"] = better
     assert not wrong, wrong
-
-
-def test_the_list_of_deprecated_names_is_complete() -> None:
-    """What is allowed is what `partita.deprecated` lists."""
-    old = {*deprecated.CERTIFICATE, *deprecated.FINDING, *deprecated.OPTIONS}
-    assert set(ALLOWED) == old
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def test_jansens_leg_stands_on_its_foot() -> None:
 def test_loops_of_special_lengths_pass_no_singular_position(name: str, formulation: str) -> None:
     """Rows kept of redundant ones lose rank on the way, the loop does not: by the independent program it is sound."""
     entry = pt.catalogue.entry(name)
-    result = entry.simulate(t_eval=np.linspace(0.0, 10.0, 21), formulation=formulation)
+    result = entry.simulate(t_eval=np.linspace(0.0, 10.0, 21), solver=pt.Solver(formulation))
     assert result.success and result.certificate.verdict == "valid"
     assert not [note for note in result.certificate.notes if "singular positions" in note]
     assert result.energy.relative_balance < 100 * 1e-9

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import SuspectResultWarning
+from ..solver import grouped
 from .models import length_of, open_model, start_of
 from .printing import print_json
 
@@ -44,8 +45,8 @@ def bench(arguments: argparse.Namespace) -> int:
     duration = length_of(opened, arguments.model, arguments.time)
     start = start_of(opened, arguments.target, arguments.rate, arguments.coordinates)
     at = np.linspace(0.0, duration, arguments.outputs) + (start.t if start else 0.0)
-    options: dict[str, Any] = {"method": arguments.method, "formulation": arguments.formulation}
-    options = {name: value for name, value in options.items() if value is not None}
+    options = {"method": arguments.method, "formulation": arguments.formulation}
+    options = grouped({name: value for name, value in options.items() if value is not None})
     options["coordinates"] = arguments.coordinates
 
     def run(rtol: float) -> Any:

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ..deprecated import RenamedKeys
-
 
 def print_json(found: Any) -> None:
     """Print `found`; NaN and infinity, which JSON does not have, become null."""
@@ -22,8 +20,6 @@ def plain(value: Any) -> Any:
     """Lists, dicts, numbers and texts alone."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return plain({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
-    if isinstance(value, RenamedKeys):
-        value = value.with_old()
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..errors import MissingFileError, SuspectResultWarning
 from ..progress import has_bars
 from ..results.save import checked_path
+from ..solver import grouped
 from .account import account
 from .interruption import so_far
 from .models import Opened, length_of, open_as_asked, start_of
@@ -90,7 +91,7 @@ def _run(opened: Opened, start: State | None, duration: float, arguments: argpar
     warnings.simplefilter("ignore", SuspectResultWarning)  # reported in a separate line
     times = _outputs(opened, start, duration, arguments)
     return so_far(
-        lambda: opened.mechanism.simulate(duration, t_eval=times, initial=start, progress=progress, **options)
+        lambda: opened.mechanism.simulate(duration, t_eval=times, initial=start, progress=progress, **grouped(options))
     )
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import PartitaError
 from ..options import SELECTIONS
+from ..solver import Solver, grouped
 from .cases import DEFAULT, Case
 
 if TYPE_CHECKING:
@@ -63,18 +64,20 @@ class Bench:
         The same run takes longer at times, when the machine is busy: short ones are repeated, and the shortest time
         counts.
         """
-        options = {
-            "t_eval": self.t_eval[-1:] if bare else self.t_eval,
-            "rtol": self.rtol if rtol is None else rtol,
-            "atol": self.atol if rtol is None else self.atol * rtol / self.rtol,
-            "method": self.method,
-            "max_steps": self._most_steps(),
-            "formulation": case.formulation,
-            "progress": progress,
-            # formulations are compared by the same kind of evaluations
-            "compiled": False,
-            **case.options,
-        }
+        options = grouped(
+            {
+                "t_eval": self.t_eval[-1:] if bare else self.t_eval,
+                "rtol": self.rtol if rtol is None else rtol,
+                "atol": self.atol if rtol is None else self.atol * rtol / self.rtol,
+                "method": self.method,
+                "max_steps": self._most_steps(),
+                "formulation": case.formulation,
+                "progress": progress,
+                # formulations are compared by the same kind of evaluations
+                "compiled": False,
+                **case.options,
+            }
+        )
         times: list[float] = []
         while True:
             began = perf_counter()
@@ -122,8 +125,7 @@ class Bench:
                     atol=atol,
                     method=REFERENCE_METHOD,
                     max_steps=_REFERENCE_STEPS,
-                    formulation=DEFAULT,
-                    selection=SELECTIONS[0],
+                    solver=Solver(DEFAULT, selection=SELECTIONS[0]),
                     progress=progress,
                 )
             except PartitaError as error:

@@ -15,6 +15,7 @@ from ..errors import ArgumentError
 from ..files import target
 from ..io import fmu
 from ..io.fmu_description import VERSIONS
+from ..solver import Solver
 from ..state import State
 from ..units import Quantity
 from .models import Modelled, layout_of
@@ -34,7 +35,7 @@ def to_fmu(
     rtol: float = 1e-9,
     atol: float = 1e-11,
     method: str = "dop853",
-    formulation: str = "projective",
+    solver: Solver | None = None,
     version: str = "2.0",
 ) -> Path:
     """Write an FMU (co-simulation): the mechanism as a component in the simulations of other programs.
@@ -56,7 +57,7 @@ def to_fmu(
             ("gravity.x", ...). With other values the loops are closed from the initial position.
         initial: state to start from; None: the drawing, assembled, at rest.
         duration, communication_step: default values stored in the FMU [s].
-        rtol, atol, method, formulation: as in `simulate`; the simulation environment may set another rtol.
+        rtol, atol, method, solver: as in `simulate`; the simulation environment may set another rtol.
         version: of FMI, "2.0" or "3.0". Both give the same numbers; by 3.0 the numbers of one quantity that have one
             unit ("A.force", "gravity") are one variable, an array.
 
@@ -101,7 +102,7 @@ def to_fmu(
     span = run_options.positive("duration", duration)
     step = run_options.positive("communication_step", communication_step)
     options = run_options.options(
-        start.t, span, model.velocity_names, rtol=rtol, atol=atol, method=method, formulation=formulation
+        start.t, span, model.velocity_names, rtol=rtol, atol=atol, method=method, solver=solver
     )
     reported: list[dict[str, object]] = []
     starts: list[float] = []

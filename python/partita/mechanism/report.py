@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from .. import deprecated, notebook
+from .. import notebook
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..builder.records import LoadRecord
@@ -68,7 +68,7 @@ class Report(str):
 
     def to_dict(self) -> dict[str, Any]:
         """The findings as plain data: numbers, names and sentences, complete where the text gives a count."""
-        return deprecated.RenamedKeys(copy.deepcopy(self._found), deprecated.REPORT)
+        return copy.deepcopy(self._found)
 
     def __reduce__(self) -> tuple[Callable[..., Report], tuple[dict[str, Any], tuple[_Section, ...]]]:
         return _reported, (self._found, self._sections)

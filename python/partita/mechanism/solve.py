@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .. import deprecated
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError, AssemblyError, UnknownNameError
 from ..logger import logger
 from ..numeric import floats, is_list, shown
 from ..results import Result
+from ..solver import Solver
 from ..state import Layout, State
-from ..tangent import TangentVelocities
 from ..units import Quantity
 from .branches import on_branch
 from .goals import Goal, asked, goals_of, inputs_of, named, state_units, units_of
@@ -361,7 +360,6 @@ def simulate(
     rtol: float = 1e-8,
     atol: float = 1e-10,
     method: str = "dop853",
-    formulation: str = "projective",
     coordinates: str = "relative",
     events: Iterable[Any] = (),
     progress: Any = False,
@@ -371,15 +369,9 @@ def simulate(
     max_step: Quantity | None = None,
     max_steps: int = 10_000_000,
     independent: Iterable[str] | None = None,
-    selection: str = "collective",
-    weights: Mapping[str, float] | None = None,
-    window: Quantity | None = None,
-    baumgarte: tuple[float, float] | None = None,
-    renew: float | str = 0.5,
+    solver: Solver | None = None,
     compiled: bool | str = "auto",
-    tangent: TangentVelocities | None = None,
     parameters: Mapping[str, ArrayLike] | None = None,
-    exchange: float | None = None,
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -396,15 +388,6 @@ def simulate(
             tolerances of 1e-3 and looser), "rk4" (order 4, fixed steps only), "adams" (a multistep method of orders 2
             to 10: two evaluations a step, for long smooth motions of large mechanisms; it begins anew at each switch of
             coordinates).
-        formulation: "projective" (equations without reactions in independent coordinates; the default and the fastest),
-            or, for comparison: "fixed" (the same without switches of coordinates), "wehage-haug" (2k states, dependent
-            coordinates by Newton's method at every stage), "explicit-closing" (2k states, the loops closed by inverse
-            kinematics), "zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt" (frozen tangent velocities,
-            renewed when their quality has fallen), "tangent-space" (2k states in a tangent chart), "user-tangent"
-            (user-defined velocities, needs `tangent`), "multipliers" (all accelerations and multipliers from one
-            matrix), "sparse-multipliers" (the same with sparse elimination), "range-space" (the same by eliminating the
-            accelerations first), "proximal" (the same with regularisation; loads are shared among redundant rows),
-            "baumgarte" (stabilised, closed only approximately; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
         events: not supported by this version; anything but an empty sequence raises `ArgumentError`.
         progress: True: a progress bar on the terminal with the rate and the remaining time (needs tqdm); or a function
@@ -414,30 +397,19 @@ def simulate(
             "mass-orthogonal" (the smallest change in the mass metric) or "none" (the constraints drift, which the
             result reports).
         switch_threshold: independent coordinates are switched when others span a volume larger by this factor; at
-            least 1. (`switch` is its old name.)
+            least 1.
         step: fixed step [s]; None: adaptive.
         max_step: largest adaptive step [s].
         max_steps: after this number of steps the run stops with status "max-steps".
-        independent: names of velocities that stay independent throughout; None: chosen by `selection`, and switched
+        independent: names of velocities that stay independent throughout; None: chosen by the criterion, and switched
             when others are better. A run with a fixed choice ends where the choice becomes singular.
-        selection: the rule that chooses the independent coordinates of "projective": "collective" (the projective
-            criterion, one coordinate after the other, then exchanges), "greedy" (without exchanges),
-            "normalised-determinant", "persistence" (the largest minimum volume over `window`), "geometric" (as
-            "greedy", but by displacements only), and, for comparison, "individual", "determinant" and
-            "complete-pivoting".
-        weights: velocity name -> factor on its measure, to express preferences; 1 for those not named.
-        window: time over which "persistence" looks back [s].
-        baumgarte: (alpha, beta) [1/s] of the formulation "baumgarte"; there is no default, because no value suits all
-            mechanisms.
-        renew: frozen tangent velocities are renewed when sqrt_mu has fallen to this fraction of its value when they
-            were frozen, 0 to 1; 0: never; "each step": after every step, whatever their quality. `counters["renewals"]`
-            counts the renewals.
+        solver: the formulation and the rule that chooses coordinates, where methods are compared: `pt.Solver("svd")`;
+            None: "projective" by the projective criterion.
         compiled: whether evaluations of "projective" and "fixed" inside steps run as machine code, made in memory for
             each choice of coordinates. The results are the same to the bit. "auto": once a choice has served for
             1500 evaluations, unless its equations are very large; True: at once; False: never. Mechanisms with
             Python functions, reaction-dependent friction or massless bodies are evaluated as without.
             `counters["compiled_evaluations"]` counts them, and with True `notes` says where there are none.
-        tangent: `TangentVelocities` for "user-tangent".
         parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`: for
             sweeps and gradients, where compiling again would cost more than the run. The loops must close in `initial`
             with these numbers.
@@ -471,23 +443,18 @@ def simulate(
         rtol=rtol,
         atol=atol,
         method=method,
-        formulation=formulation,
         events=events,
         correction=correction,
-        switch_threshold=deprecated.option("exchange", exchange, switch_threshold, 5),
+        switch_threshold=switch_threshold,
         step=step,
         max_step=max_step,
         max_steps=max_steps,
         independent=independent,
-        selection=selection,
-        weights=weights,
-        window=window,
-        baumgarte=baumgarte,
-        renew=renew,
+        solver=solver,
         compiled=compiled,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, tangent)
+    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver)
     if notes := (*self._remarks(), *model._sentences):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     found = Result.from_run(

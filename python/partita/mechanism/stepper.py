@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import deprecated
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError
@@ -309,7 +308,6 @@ def stepper(
     parameters: Mapping[str, ArrayLike] | None = None,
     record: bool = True,
     compiled: bool | str = "auto",
-    exchange: float | None = None,
 ) -> Stepper:
     """Advance a motion step by step, for control loops: `sim.step(u)`.
 
@@ -361,7 +359,7 @@ def stepper(
         length,
         model.velocity_names,
         method=method,
-        switch_threshold=deprecated.option("exchange", exchange, switch_threshold, 5),
+        switch_threshold=switch_threshold,
         step=step,
         rtol=1e-8,
         atol=1e-10,

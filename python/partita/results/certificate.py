@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import deprecated
 from ..errors import PartitaError
 from ..notebook import lines
 from ..numeric import MaybeNone
@@ -78,18 +77,11 @@ class Certificate:
     @property
     def verdict(self) -> str:
         """ "valid", "suspect" or "invalid": that of the worst finding."""
-        return deprecated.Verdict(verdict_of(self.findings))
-
-    @property
-    def misfit(self) -> float:
-        """The old name of `geometric_error`."""
-        deprecated.warn("misfit", deprecated.CERTIFICATE["misfit"])
-        return self.geometric_error
+        return verdict_of(self.findings)
 
     @classmethod
     def from_account(cls, reported: Mapping[str, Any]) -> Certificate:
         """The inverse of `vars(certificate)` after conversion to JSON."""
-        reported = deprecated.renamed(reported, deprecated.CERTIFICATE)
         known = {field.name for field in fields(cls)}
         own: dict[str, Any] = {
             "notes": tuple(map(str, reported["notes"])),

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from .. import deprecated
 from .._core import version as core_version
 from .tables import Tables
 from .verdict import INVALID, Finding, findings_of
@@ -114,7 +113,6 @@ class Record:
     @classmethod
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays restored."""
-        account = deprecated.renamed(account, deprecated.CERTIFICATE)
         spec = account["spec"]
         own = ("spec", "steps_open", "gaps", "exchanged", "geometric_error", "findings", "version")
         reported = {key: account[key] for key in ACCOUNT if key not in own}
@@ -122,9 +120,6 @@ class Record:
         reported["exchanged"] = _pair((account.get("exchanged", 0.0), 0.0))[0]
         reported["geometric_error"] = _pair((account.get("geometric_error", 0.0), 0.0))[0]
         reported["findings"] = findings_of(account.get("findings", ()))
-        reported["counters"] = deprecated.renamed(reported["counters"], deprecated.COUNTERS)
-        reported["options"] = deprecated.renamed(reported["options"], deprecated.OPTIONS)
-        reported["status"] = deprecated.VERDICTS.get(reported["status"], reported["status"])
         reported["version"] = str(account.get("version", ""))
         return cls(arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec))
 

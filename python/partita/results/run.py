@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import deprecated
 from ..errors import ArgumentError, Interrupted, SuspectResultWarning
 from ..naming import driven, joint_units, listed
 from ..numeric import MaybeNone, shown
@@ -67,12 +66,12 @@ class Run(Motion):
     @cached_property
     def counters(self) -> dict[str, int]:
         """Counts of work: steps, evaluations, switches and other costs."""
-        return deprecated.RenamedKeys(self._record.counters, deprecated.COUNTERS)
+        return dict(self._record.counters)
 
     @cached_property
     def options(self) -> dict[str, Any]:
         """The options of the run, defaults included."""
-        return deprecated.RenamedKeys(self._record.options, deprecated.OPTIONS)
+        return dict(self._record.options)
 
     def __copy__(self: R) -> R:
         return type(self)(self._record, self._source, self._sensors)
@@ -123,7 +122,7 @@ class Run(Motion):
     @property
     def status(self) -> str:
         """How the run ended, in a word: "finished", "invalid" (it reached its end, but its result is wrong), ..."""
-        return deprecated.Verdict(self._record.status)
+        return self._record.status
 
     @property
     def message(self) -> str:
@@ -203,7 +202,7 @@ class Run(Motion):
         >>> import numpy as np
         >>> import partita as pt
         >>> m = pt.catalogue.load("delta")
-        >>> svd, qr = (m.simulate(0.1, formulation=name).selector[0] for name in ("svd", "qr"))
+        >>> svd, qr = (m.simulate(0.1, solver=pt.Solver(name)).selector[0] for name in ("svd", "qr"))
         >>> svd.shape == qr.shape, bool(np.allclose(svd, qr))           # different bases
         (True, False)
         >>> bool(np.allclose(svd.T @ svd, qr.T @ qr))                   # of one space

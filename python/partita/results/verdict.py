@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core, deprecated
+from .. import _core
 from .energy import EnergyResult
 
 VALID, SUSPECT, INVALID = "valid", "suspect", "invalid"
@@ -26,12 +26,6 @@ class Finding(NamedTuple):
     """When [s]."""
     sentence: str
     """What was found, with its numbers."""
-
-    @property
-    def broken(self) -> bool:
-        """The old name of `invalid`."""
-        deprecated.warn("broken", deprecated.FINDING["broken"])
-        return self.invalid
 
 
 def findings_of(reported: Iterable[Any]) -> list[Finding]:

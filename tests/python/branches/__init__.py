@@ -186,8 +186,7 @@ def trial(family: str, seed: int, rtol: float, formulation: str = "projective", 
         coordinates=coordinates,
         rtol=rtol,
         atol=0.01 * rtol,
-        formulation=formulation,
-        baumgarte=(20.0, 20.0) if formulation == "baumgarte" else None,
+        solver=pt.Solver(formulation, baumgarte=(20.0, 20.0) if formulation == "baumgarte" else None),
     )
     success = run.success
     steady = bool(run.certificate.verdict) and run.success is success

@@ -10,6 +10,7 @@ import numpy as np
 from oracle.drawing import GROUND, Array, Drawing, words
 
 import partita as pt
+from partita.solver import grouped
 
 from . import loads
 
@@ -51,7 +52,8 @@ class Case:
 
     def lines(self) -> str:
         """As a program."""
-        called = ", ".join(f"{key}={value!r}" for key, value in self.options.items())
+        given = grouped(self.options).items()
+        called = ", ".join(f"{key}={'pt.' if key == 'solver' else ''}{value!r}" for key, value in given)
         return "\n".join([
             self.drawing.lines(),
             f"start = m.assemble(rates={dict(self.rates)!r}, t={self.t0!r})",

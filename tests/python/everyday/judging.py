@@ -18,6 +18,7 @@ import numpy as np
 from oracle.drawing import Array
 
 import partita as pt
+from partita.solver import grouped
 
 from .case import Case
 from .chance import TEST, Ranges, case
@@ -138,7 +139,7 @@ def run(m: pt.Mechanism, case: Case, start: pt.State, times: Any = None, **optio
     """To its end, or `Refused`."""
     try:
         named = {"max_steps": MOST_STEPS, **options}
-        found = m.simulate(case.t0 + case.duration - start.t, initial=start, t_eval=times, **named)
+        found = m.simulate(case.t0 + case.duration - start.t, initial=start, t_eval=times, **grouped(named))
     except pt.errors.PartitaError as error:
         raise Refused(f"{type(error).__name__}: {error}") from error
     if not found.success:

@@ -134,7 +134,7 @@ def trial(seed: int, opaque: bool = False) -> Found:
     rates = where == "rate of a four-bar"
     forms = [f for f in forms if not (rates and f in ("wehage-haug", "explicit-closing", "tangent-space"))]
     form = str(rng.choice(forms))
-    options: dict[str, Any] = {"formulation": form, "coordinates": "absolute" if absolute else "relative"}
+    options: dict[str, Any] = {"solver": pt.Solver(form), "coordinates": "absolute" if absolute else "relative"}
     case = f"seed {seed}: {where}, {kind} jumps by {size:.2e} at {law.at:.6g}, {form}, {options['coordinates']}"
     if where in ("cam free", "bead"):
         return _free(where, kind, law, options, case, float(rng.uniform(1.1, 2.0)))

@@ -52,7 +52,7 @@ def door_swinging() -> Iterator[Held]:
             m.simulate(
                 1.0,
                 initial=start,
-                formulation=formulation,
+                solver=pt.Solver(formulation),
                 coordinates="absolute",
                 t_eval=[0, 0.4, 1.0],
                 rtol=1e-10,

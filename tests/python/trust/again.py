@@ -30,7 +30,7 @@ def twice() -> Iterator[Held]:
     start = m.assemble(rates={"A": 3.0})
     first = done(m.simulate(2.0, initial=start))
     for formulation in ("svd", "multipliers", "wehage-haug"):
-        m.simulate(0.3, initial=start, formulation=formulation, rtol=1e-4)
+        m.simulate(0.3, initial=start, solver=pt.Solver(formulation), rtol=1e-4)
     m.simulate(1.0, coordinates="absolute")
     second = done(m.simulate(2.0, initial=start))
     yield Held("q", second.q, first.q, 0.0)

@@ -62,7 +62,7 @@ def crossed_motion(t: Array, rate: float, angle: float = 1.0) -> Array:
 def crossed_run(formulation: str, rtol: float, coordinates: str = "relative") -> Iterator[Held]:
     m = crossed()
     run = m.simulate(
-        5.0, initial=m.assemble(rates={"A": 4.0}), formulation=formulation, rtol=rtol, atol=0.01 * rtol,
+        5.0, initial=m.assemble(rates={"A": 4.0}), solver=pt.Solver(formulation), rtol=rtol, atol=0.01 * rtol,
         coordinates=coordinates,
     )  # fmt: skip
     crank, rod = run.body("crank").rotation, run.body("rocker").rotation

@@ -36,7 +36,7 @@ def two_drives() -> Iterator[Held]:
 
 @refused("the same with all velocities as unknowns", ContradictionError, "the drive of D contradicts")
 def two_drives_multipliers() -> Iterator[Held]:
-    done(driven(A=2.0, D=2.0).simulate(1.0, formulation="multipliers"))
+    done(driven(A=2.0, D=2.0).simulate(1.0, solver=pt.Solver("multipliers")))
     yield from ()
 
 
@@ -272,7 +272,7 @@ def slightly_long_rocker() -> Iterator[Held]:
 @right("the crank of a four-bar driven in every formulation", "Freudenstein: the rocker's angle in closed form")
 def driven_everywhere() -> Iterator[Held]:
     for formulation in EVERY:
-        run = done(driven(A=2.0).simulate(0.5, t_eval=np.linspace(0, 0.5, 11), formulation=formulation))
+        run = done(driven(A=2.0).simulate(0.5, t_eval=np.linspace(0, 0.5, 11), solver=pt.Solver(formulation)))
         yield Held(formulation, run.joint("D").position[:, 0], rocker(2.0 * run.t), 1e-9)
 
 

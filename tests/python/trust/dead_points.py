@@ -33,7 +33,7 @@ def over_the_top(
     rate = float(np.sqrt(81.0 - 3.0 * G * (1.0 - np.cos(drawn))))
     run = m.simulate(
         2.0, initial=m.assemble(rates={"A": rate}), coordinates="absolute", independent=independent, rtol=rtol,
-        atol=1e-2 * rtol, formulation=formulation,
+        atol=1e-2 * rtol, solver=pt.Solver(formulation),
     )  # fmt: skip
     known = solve_ivp(
         lambda t, y: [y[1], -1.5 * G * np.sin(y[0])], (0, 2), [drawn, rate], t_eval=np.linspace(0, 2, 201),
@@ -108,7 +108,9 @@ def ring(start: float, rate: float, independent: list[str] | None, formulation: 
     )
     q0 = [np.sin(start), -np.cos(start)]
     v0 = [rate * np.cos(start), rate * np.sin(start)]
-    return pt.simulate(system, 3.0, q0, v0, independent=independent, formulation=formulation, rtol=1e-9, atol=1e-11)
+    return pt.simulate(
+        system, 3.0, q0, v0, independent=independent, solver=pt.Solver(formulation), rtol=1e-9, atol=1e-11
+    )
 
 
 @no_success("a point on a circle by hand, going round with `y` fixed, `wehage-haug`", "singular", "are at a dead point")
@@ -134,7 +136,7 @@ def nothing_singular() -> Iterator[Held]:
                 2.0,
                 initial=m.assemble(rates={"A": rate}),
                 coordinates="absolute",
-                formulation=formulation,
+                solver=pt.Solver(formulation),
                 rtol=1e-8,
                 atol=1e-10,
             )
@@ -176,5 +178,5 @@ def crank_fixed() -> Iterator[Held]:
 def slider_fixed() -> Iterator[Held]:
     m = slider_crank()
     start = m.assemble(targets={"main": 0.7}, rates={"main": 20.0})
-    done(m.simulate(1.0, initial=start, independent=["bore"], formulation="wehage-haug"))
+    done(m.simulate(1.0, initial=start, independent=["bore"], solver=pt.Solver("wehage-haug")))
     yield from ()

@@ -89,7 +89,7 @@ def work() -> Iterator[Held]:
         for rtol in (1e-6, 1e-12):
             m = pendulum()
             m.add_drive("A", position=lambda t: 2.0 * t + 0.5 * np.sin(3.0 * t))
-            run = done(m.simulate(2.0, rtol=rtol, atol=1e-2 * rtol, formulation=formulation, t_eval=[0.0, 2.0]))
+            run = done(m.simulate(2.0, rtol=rtol, atol=1e-2 * rtol, solver=pt.Solver(formulation), t_eval=[0.0, 2.0]))
             yield Held(f"{formulation}, {rtol:g}", run.energy.work[-1], exact, 100 * rtol + 1e-11)
 
 
@@ -177,7 +177,7 @@ def through_change_points() -> Iterator[Held]:
     for formulation in ("projective", "svd", "wehage-haug", "explicit-closing", "multipliers"):
         m = parallelogram(gravity=G)
         m.add_drive("A", position=lambda t: 2.0 * t)
-        run = done(m.simulate(3.0, formulation=formulation))
+        run = done(m.simulate(3.0, solver=pt.Solver(formulation)))
         angle = 1.0 + 2.0 * run.t
         points = np.stack([1 + 0.5 * np.cos(angle), 0.5 * np.sin(angle)], 1)
         yield Held(f"C, {formulation}", run.joint("C").point[:, :2], points, 1e-11)
@@ -191,7 +191,7 @@ def crossed_driven() -> Iterator[Held]:
     for formulation in ("projective", "wehage-haug"):
         m = crossed()
         m.add_drive("A", position=lambda t: 2.0 * t)
-        run = done(m.simulate(6.0, formulation=formulation))
+        run = done(m.simulate(6.0, solver=pt.Solver(formulation)))
         r = run.body("rocker").rotation
         known = crossed_angle(1.0 + 2.0 * run.t)
         yield Held(formulation, r[:, :2, 0], np.stack([np.cos(known), np.sin(known)], 1), 1e-11)

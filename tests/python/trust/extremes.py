@@ -57,7 +57,7 @@ def tolerance(rtol: float) -> Case:
     @right(f"a pendulum at rtol {rtol:.0e}, 3 s", "elliptic functions, to a thousand tolerances")
     def ask() -> Iterator[Held]:
         for formulation in EVERY:
-            run = done(pendulum(drawn=1.5).simulate(3.0, rtol=rtol, atol=0.01 * rtol, formulation=formulation))
+            run = done(pendulum(drawn=1.5).simulate(3.0, rtol=rtol, atol=0.01 * rtol, solver=pt.Solver(formulation)))
             yield Held(
                 formulation, run.q[:, 0] + 1.5, swing(run.t, 1.5), max(1e3 * rtol, 1e-11) if rtol < 1e-2 else 0.3
             )
@@ -241,7 +241,7 @@ def at_rest() -> Iterator[Held]:
         for formulation in EVERY:
             if (coordinates, formulation) == ("absolute", "explicit-closing"):
                 continue
-            run = done(m.simulate(1.0, coordinates=coordinates, formulation=formulation, t_eval=[0, 0.5, 1.0]))
+            run = done(m.simulate(1.0, coordinates=coordinates, solver=pt.Solver(formulation), t_eval=[0, 0.5, 1.0]))
             yield Held("places", run.joint("A").position, 0.0, 1e-12)
             yield Held("forces", run.joint("B").force, 0.0, 1e-12)
 

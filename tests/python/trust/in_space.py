@@ -137,7 +137,7 @@ def steady_top() -> Iterator[Held]:
         for coordinates, formulation in cases:
             run = done(
                 m.simulate(
-                    0.4, initial=start, rtol=1e-10, atol=1e-12, coordinates=coordinates, formulation=formulation,
+                    0.4, initial=start, rtol=1e-10, atol=1e-12, coordinates=coordinates, solver=pt.Solver(formulation),
                     t_eval=np.linspace(0, 0.4, 9),
                 )
             )  # fmt: skip

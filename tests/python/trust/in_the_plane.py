@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import partita as pt
+from partita.solver import grouped
 
 from .case import Case, Held, done, right
 from .contradictions import rocker
@@ -58,7 +59,7 @@ def slider() -> Iterator[Held]:
     m = slider_crank()
     start = m.assemble(rates={"main": 10.0})
     for formulation in EVERY:
-        run = done(m.simulate(2.0, initial=start, t_eval=t, formulation=formulation, rtol=1e-10, atol=1e-12))
+        run = done(m.simulate(2.0, initial=start, t_eval=t, solver=pt.Solver(formulation), rtol=1e-10, atol=1e-12))
         angle = run.joint("main").position[:, 0]
         yield Held(f"crank, {formulation}", angle, known, 1e-6)
         yield Held(f"slider, {formulation}", run.joint("bore").position[:, 0] + 0.4, stroke(angle), 1e-11)
@@ -144,7 +145,7 @@ def four_bar_reactions() -> Iterator[Held]:
             known[name].append(found[k : k + 2])
         torques.append(found[8])
     for formulation in EVERY:
-        run = done(m.simulate(0.6, t_eval=t, formulation=formulation))
+        run = done(m.simulate(0.6, t_eval=t, solver=pt.Solver(formulation)))
         for name in "ABCD":
             yield Held(f"{name}, {formulation}", run.joint(name).force[:, :2], known[name], 1e-6)
         yield Held(f"drive, {formulation}", run.joint("A").drive[:, 0], torques, 1e-6)
@@ -180,7 +181,9 @@ def double_pendulum() -> Iterator[Held]:
             if coordinates == "absolute" and formulation in ("explicit-closing", "fixed"):
                 continue  # the one knows none, the other comes to a dead point
             run = done(
-                m.simulate(2.0, t_eval=t, coordinates=coordinates, formulation=formulation, rtol=1e-10, atol=1e-12)
+                m.simulate(
+                    2.0, t_eval=t, coordinates=coordinates, solver=pt.Solver(formulation), rtol=1e-10, atol=1e-12
+                )
             )
             angles = run.joint("A").position[:, 0], run.joint("B").position[:, 0]
             found = np.stack([angles[0], angles[0] + angles[1]], 1)
@@ -293,7 +296,7 @@ def choices() -> Iterator[Held]:
     choices += [{"method": x} for x in ("dopri5", "tsit5")] + [{"correction": "mass-orthogonal"}, {"max_step": 1e-2}]
     choices += [{"weights": {"D": 10.0}}, {"independent": ["A"]}]
     for choice in choices:
-        run = done(m.simulate(2.0, initial=start, t_eval=t, rtol=1e-10, atol=1e-12, **choice))
+        run = done(m.simulate(2.0, initial=start, t_eval=t, rtol=1e-10, atol=1e-12, **grouped(choice)))
         crank = run.joint("A").position[:, 0]
         off = run.joint("D").position[:, 0] - rocker(crank)
         yield Held(f"rocker, {choice}", off - 2 * np.pi * np.round(off / (2 * np.pi)), 0.0, 1e-11)
@@ -328,7 +331,7 @@ def rolling() -> Iterator[Held]:
         names=["way", "turn"],
     )
     for formulation in ("projective", "multipliers", "svd", "range-space"):
-        run = pt.simulate(disc, 2.0, [0.0, 0.0], [0.0, 0.0], formulation=formulation)
+        run = pt.simulate(disc, 2.0, [0.0, 0.0], [0.0, 0.0], solver=pt.Solver(formulation))
         travel = 0.5 * run.t**2 * G * 0.5 * 2 / 3
         yield Held(formulation, done(run).q, np.stack([travel, travel / 0.2], 1), 1e-8)
         yield Held("friction", run.multipliers[:, 0], -3.0 * G * 0.5 / 3, 1e-9)

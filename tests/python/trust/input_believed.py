@@ -205,7 +205,7 @@ def sleigh() -> Iterator[Held]:
 
     m = pt.System(4, mass, push, gaps, rows, bias=bias)
     for formulation in ("projective", "svd", "multipliers", "proximal"):
-        run = done(pt.simulate(m, 1.5, [0.3, 0.4, 0.0, 0.125], [1.0, 0.0, 0.2, 0.3], formulation=formulation))
+        run = done(pt.simulate(m, 1.5, [0.3, 0.4, 0.0, 0.125], [1.0, 0.0, 0.2, 0.3], solver=pt.Solver(formulation)))
         for q, v, vdot in zip(run.q[::20], run.v[::20], run.vdot[::20], strict=True):
             c = rows(0.0, q)
             saddle = np.block([[mass, -c.T], [c, np.zeros((5, 5))]])
@@ -228,7 +228,7 @@ def knife_edge() -> Iterator[Held]:
         bias=lambda t, q, v: [-v[2] * (np.cos(q[2]) * v[0] + np.sin(q[2]) * v[1])],
     )
     for formulation in ("projective", "multipliers", "gram-schmidt", "proximal"):
-        run = done(pt.simulate(m, 4.0, [0, 0, 0], [0, 0, spin], formulation=formulation, rtol=1e-10, atol=1e-12))
+        run = done(pt.simulate(m, 4.0, [0, 0, 0], [0, 0, spin], solver=pt.Solver(formulation), rtol=1e-10, atol=1e-12))
         u = spin * run.t
         known = pull / (2 * spin**2) * np.stack([np.sin(u) ** 2, u - 0.5 * np.sin(2 * u)], 1)
         yield Held(formulation, run.q, np.column_stack([known, u]), 1e-8)

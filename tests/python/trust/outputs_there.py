@@ -12,6 +12,8 @@ from dataclasses import replace
 import numpy as np
 from drawings import parallelogram
 
+import partita as pt
+
 from .case import Case, Held, done, right
 
 RATE = np.pi
@@ -25,7 +27,7 @@ def turning_on(drawn: float, outputs: int, coordinates: str, formulation: str) -
     m = parallelogram(first, crank)
     run = m.simulate(
         2.0, t_eval=np.linspace(0.0, 2.0, outputs), initial=m.assemble(rates={"A": RATE}), coordinates=coordinates,
-        formulation=formulation,
+        solver=pt.Solver(formulation),
     )  # fmt: skip
     angle = first + RATE * run.t
     c, s = np.cos(angle), np.sin(angle)
