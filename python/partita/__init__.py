@@ -27,7 +27,6 @@ from .tangent import TangentVelocities
 
 if TYPE_CHECKING:
     from . import catalogue
-    from .analyses import InverseDynamics
     from .results import Result, load_result
     from .sketch import draw
 
@@ -38,7 +37,6 @@ __all__ = [
     "Coordinate",
     "Cosine",
     "Distance",
-    "InverseDynamics",
     "Mechanism",
     "Result",
     "Solver",
@@ -63,7 +61,7 @@ __all__ = [
 
 # Imported on first use: they bring plotting and data libraries along.
 _LATER = ("catalogue", "plots", "results", "viewer")
-_NAMED_LATER = {"InverseDynamics": "analyses", "Result": "results", "draw": "sketch", "load_result": "results"}
+_NAMED_LATER = {"Result": "results", "draw": "sketch", "load_result": "results"}
 
 
 def __getattr__(name: str) -> Any:
@@ -75,4 +73,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *_LATER, *(name for name in globals() if name.startswith("__"))})
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})

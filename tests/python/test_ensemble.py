@@ -255,7 +255,7 @@ def test_datasets_have_members_times_and_names():
     m = pt.catalogue.load("reference-four-bar")
     found = m.ensemble(parameters={"crank.mass": np.linspace(1.0, 2.0, 4)}, t_eval=[0.1, 0.2])
     data = found.to_xarray()
-    assert data.q.dims == ("member", "time", "coordinate")
+    assert data.q.dims == ("member", "t", "coordinate")
     assert list(data.coordinate.values) == found.names
     assert data["crank.mass"].dims == ("member",)
     assert repr(found) == "<ensemble of 4 members, 2 outputs: 4 finished>"

@@ -294,7 +294,7 @@ def test_accelerations_travel_with_the_result(tmp_path: Path) -> None:
     sent = pickle.loads(pickle.dumps(run.joint(run.names.joints[0])))
     assert np.array_equal(sent.acceleration, run.joint(run.names.joints[0]).acceleration)
     stored = run.to_xarray()["joint_acceleration"]
-    assert stored.dims == ("time", "joint_freedom") and np.array_equal(stored.values, all_at_once)
+    assert stored.dims == ("t", "joint_freedom") and np.array_equal(stored.values, all_at_once)
     run.save(tmp_path / "run.csv")
     assert ".acceleration [" in (tmp_path / "run.csv").read_text(encoding="utf-8").split("\n", 1)[0]
 

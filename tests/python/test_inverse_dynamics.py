@@ -15,6 +15,7 @@ from thorough import THOROUGH, either
 
 import partita as pt
 from partita import cli
+from partita.analyses import InverseDynamics
 from partita.catalogue.zoo import platforms
 from partita.errors import ArgumentError, DescriptionError, UnknownNameError
 
@@ -54,7 +55,7 @@ def wanted(m: pt.Mechanism, run: pt.Result, seed: int = 1) -> Moved:
     return Moved(run.t, run.q, run.v, np.array(vdot), run.names)
 
 
-def caused(m: pt.Mechanism, d: pt.InverseDynamics, motors: dict[str, str], row: int) -> Array:
+def caused(m: pt.Mechanism, d: InverseDynamics, motors: dict[str, str], row: int) -> Array:
     """Accelerations by forward dynamics under the efforts."""
     efforts = {f"{motors[name]}.value": d.effort(name)[row] for name in d.actuators}
     return m.compile().with_parameters(efforts).acceleration(d.q[row], d.v[row])[0]
@@ -450,7 +451,7 @@ def test_results_are_shown_and_kept() -> None:
     figure = d.plot("A")
     assert figure.axes[0].get_ylabel() == "effort [N m]"
     found = d.to_xarray()
-    assert found.effort.dims == ("time", "actuator") and found.actuator_unit.values.tolist() == ["N m"]
+    assert found.effort.dims == ("t", "actuator") and found.actuator_unit.values.tolist() == ["N m"]
     assert d.peak()["A"]["rate"] == pytest.approx(SPEED)
     assert np.abs(d.power("A") - d.effort("A") * d.rate("A")).max() == 0.0
     with pytest.raises(AttributeError):

@@ -289,18 +289,18 @@ def test_a_platform_is_placed_by_its_frame() -> None:
     def legs(turn: Rotation, place: Array) -> Array:
         return np.linalg.norm(turn.apply(top) + place - base, axis=1) - drawn
 
-    poses = m.assemble_many({frame: (turn, place)})
+    poses = m.assemble_many({frame: (place, turn)})
     assert poses.ok.all()
     for i in range(len(s)):
         found = np.array([poses.joint(f"leg{j}")[i] for j in range(6)])
         assert np.abs(found - legs(turn[i], place[i])).max() < 1e-12
     assert np.abs(poses.body("plate").rotation - turn.as_matrix()).max() < 1e-12
-    state = m.assemble({frame: (turn[4].as_quat()[[3, 0, 1, 2]], place[4])})
+    state = m.assemble({frame: (place[4], turn[4].as_quat()[[3, 0, 1, 2]])})
     assert np.abs([state.position(f"leg{j}") - legs(turn[4], place[4])[j] for j in range(6)]).max() < 1e-12
     assert max(abs(x["reached"] - x["asked"]) for x in state.assembly["targets"]) < 1e-11
     # rates: the velocity of each end of a leg along the leg
     omega, velocity = np.array([0.3, -0.5, 0.7]), np.array([0.2, 0.1, -0.4])
-    k = m.kinematics({frame: (turn, place)}, rates={frame: (omega, velocity)})
+    k = m.kinematics({frame: (place, turn)}, rates={frame: (velocity, omega)})
     assert k.reached.all() and (k.status == "reached").all()
     for i in (0, 8):
         arms = turn[i].apply(top)
@@ -314,6 +314,36 @@ def test_a_platform_is_placed_by_its_frame() -> None:
     assert np.abs(plate.angular_acceleration).max() < 1e-10 and np.abs(plate.acceleration).max() < 1e-10
 
 
+def test_a_rigid_transform_is_a_pose() -> None:
+    """One or many, as goals and as drives: what SciPy has since 1.16."""
+    transform = pytest.importorskip("scipy.spatial.transform")
+    if not hasattr(transform, "RigidTransform"):
+        pytest.skip("this SciPy has no RigidTransform")
+    make = transform.RigidTransform.from_components
+    m, _, _ = stewart()
+    s = np.linspace(0.0, 1.0, 3)
+    place = np.stack([0.1 * s, 0.15 * s, 1.2 + 0.1 * s], 1)
+    turn = Rotation.from_rotvec(np.stack([0.3 * s, -0.2 * s, 0.4 * s], 1))
+    frame = ("plate", (0, 0, 0))
+    many, pairs = m.assemble_many({frame: make(place, turn)}), m.assemble_many({frame: (place, turn)})
+    assert many.ok.all() and np.array_equal(many.q, pairs.q)
+    one, pair = m.assemble({frame: make(place[2], turn[2])}), m.assemble({frame: (place[2], turn[2])})
+    assert np.array_equal(one.q, pair.q)
+
+    def driven(pose: Any) -> Array:
+        plate = pt.Mechanism("plate")
+        plate.add_drive(plate.add_body("p", mass=1.0, inertia=(1, 1, 1)), pose=pose)
+        return np.asarray(plate.simulate(1.0, t_eval=[0.0, 0.3, 1.0]).body("p").rotation)
+
+    assert np.array_equal(driven(make(place[2], turn[2])), driven((place[2], turn[2])))
+    assert np.array_equal(driven((s, make(place, turn))), driven((s, place, turn)))
+
+    def course(t: float) -> tuple[Array, Rotation]:
+        return np.array([0.1 * t, 0.0, 0.0]), Rotation.from_rotvec([0.3 * t, -0.2 * t, 0.4 * t])
+
+    assert np.abs(driven(lambda t: make(*course(t))) - driven(course)).max() < 1e-12
+
+
 def test_orientations_may_turn_by_more_than_half_a_turn() -> None:
     m = pt.Mechanism("wrist")
     tool = m.add_body("tool", mass=1.0, inertia=(1, 1, 1))
@@ -321,7 +351,7 @@ def test_orientations_may_turn_by_more_than_half_a_turn() -> None:
     for axis in ((0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.3, -0.5, 0.2)):
         unit = np.array(axis) / np.linalg.norm(axis)
         turn = Rotation.from_rotvec(np.linspace(-3.14, 3.14, 25)[:, None] * unit)
-        poses = m.assemble_many({("tool", (0.1, 0.2, 0.3)): (turn, (1.0, 0.0, 0.0))})
+        poses = m.assemble_many({("tool", (0.1, 0.2, 0.3)): ((1.0, 0.0, 0.0), turn)})
         assert poses.ok.all()
         assert np.abs(poses.body("tool").rotation - turn.as_matrix()).max() < 1e-12
 
@@ -352,8 +382,8 @@ BAD: list[tuple[dict[Any, Any], dict[str, Any], str]] = [
     ({"A": [0.0, 0.1]}, {"rates": 3.0}, "must be a dict"),
     ({"A": [0.0, 0.1]}, {"rates": {"A": 1.0, "D": 5.0}}, "rates contradict each other at pose 0"),
     ({"A": [0.0, 0.1]}, {"rates": {"A": 1.0}, "accelerations": {"D": 1.0}}, "'D' has no rate"),
-    ({("coupler", (0, 0, 0)): ((0, 0, 0), np.eye(3))}, {}, "orientation first"),
-    ({("coupler", (0, 0, 0)): (2.0 * np.eye(3), (0, 0, 0))}, {}, "not a rotation"),
+    ({("coupler", (0, 0, 0)): (np.eye(3), (0, 0, 0))}, {}, "position first"),
+    ({("coupler", (0, 0, 0)): ((0, 0, 0), 2.0 * np.eye(3))}, {}, "not a rotation"),
 ]
 
 

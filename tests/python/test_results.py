@@ -238,9 +238,9 @@ def test_names_are_coordinates_in_the_stored_file(four_bar: results.Result, tmp_
             assert np.array_equal(found.force.sel(joint=name), four_bar.joint(name).force)
         crank = four_bar.names.bodies[0]
         assert np.array_equal(found.body_position.sel(body=crank, axis="y"), four_bar.body(crank).position[:, 1])
-        assert found.force.dims == ("time", "joint", "axis")
+        assert found.force.dims == ("t", "joint", "axis")
         assert found.force.attrs == {"units": "N", "long_name": found.force.attrs["long_name"]}
-        assert found.time.units == "s" and np.array_equal(found.time, four_bar.t)
+        assert found.t.units == "s" and np.array_equal(found.t, four_bar.t)
         assert list(found.q.coords["coordinate_unit"].values) == ["rad"] * len(four_bar.names.coordinates)
         assert json.loads(found.model.item()) == four_bar.spec
         assert json.loads(found.attrs["settings"]) == four_bar.options

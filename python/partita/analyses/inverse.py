@@ -206,14 +206,14 @@ class InverseDynamics:
         xarray = extra("xarray", "xarray", "to_xarray")
         of = {"units": " or ".join(dict.fromkeys(self.units))}
         variables: dict[str, Any] = {
-            "effort": (("time", "actuator"), self.efforts, {**of, "long_name": "efforts of the actuators"}),
-            "rate": (("time", "actuator"), self.rates, {"long_name": "rates along the actuators"}),
-            "margin": (("time",), self.margin, {"units": "1", "long_name": "distance of the set from a singularity"}),
-            "remainder": (("time",), self.remainder, {"units": "1", "long_name": "part that no effort provides"}),
-            "null_space": (("time", "actuator", "null"), self.null_space, {"long_name": "efforts without motion"}),
+            "effort": (("t", "actuator"), self.efforts, {**of, "long_name": "efforts of the actuators"}),
+            "rate": (("t", "actuator"), self.rates, {"long_name": "rates along the actuators"}),
+            "margin": (("t",), self.margin, {"units": "1", "long_name": "distance of the set from a singularity"}),
+            "remainder": (("t",), self.remainder, {"units": "1", "long_name": "part that no effort provides"}),
+            "null_space": (("t", "actuator", "null"), self.null_space, {"long_name": "efforts without motion"}),
         }
         coords = {
-            "time": ("time", self.t, {"units": "s"}),
+            "t": ("t", self.t, {"units": "s"}),
             "actuator": list(self.actuators),
             "actuator_unit": ("actuator", list(self.units)),
         }

@@ -59,7 +59,8 @@ def add_drive(
             (position, orientation). For a joint these are its coordinates, zero as drawn: as many
             translations [m] as it has (none: the orientation alone), and the rotation of the child. For a body they are
             its position and orientation in the world. Orientations are rotation vectors [rad], quaternions (w, x, y,
-            z), matrices or a SciPy `Rotation`, through any angle and any number of turns.
+            z), matrices or a SciPy `Rotation`, through any angle and any number of turns; a SciPy `RigidTransform` is
+            both at once.
         coordinate: which coordinate of the joint, from 0.
         rate: with an acceleration alone, the rate at t = 0 [rad/s or m/s].
         interpolation: how tables are joined. "monotone" (the default of positions and poses): cubics with continuous

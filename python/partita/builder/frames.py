@@ -34,6 +34,12 @@ def is_rotation(value: Any) -> bool:
     return module is not None and isinstance(value, module.Rotation)
 
 
+def as_pair(value: Any) -> Any:
+    """(position, orientation) of a SciPy `RigidTransform`, which newer SciPy has; anything else as it is."""
+    kind = getattr(sys.modules.get("scipy.spatial.transform"), "RigidTransform", None)
+    return (value.translation, value.rotation) if kind is not None and isinstance(value, kind) else value
+
+
 def rotation(element: Element, what: str, value: Any) -> Array:
     """The 3x3 rotation (body axes to world axes) given by None, a matrix, a quaternion or a SciPy `Rotation`."""
     if value is None:

@@ -14,7 +14,7 @@ from ..numeric import floats, shown
 from ..products import det, matmul, norm
 from ..state import Layout
 from .checks import Array, Element, shape_of, takes, vector
-from .frames import ORTHONORMAL, is_rotation, rotation, transform
+from .frames import ORTHONORMAL, as_pair, is_rotation, rotation, transform
 from .motion import RoughError, differences
 from .pieces import Pieces, Refusals
 from .taylor import Jet
@@ -173,6 +173,10 @@ def as_given(element: Element, given: Any, slides: int) -> Any:
 
 def _parts(element: Element, given: Any, slides: int) -> tuple[Any, ...]:
     """(position, orientation) or (times, positions, orientations)."""
+    if as_pair(given) is not given:
+        return as_pair(given) if slides else (None, given.rotation)
+    if isinstance(given, tuple) and len(given) == 2 and as_pair(given[1]) is not given[1]:
+        return (given[0], *as_pair(given[1])) if slides else (given[0], None, given[1].rotation)
     if isinstance(given, Mapping):
         for keys in (("times", "positions", "orientations"), ("position", "orientation")):
             wanted = [key for key in keys if slides or not key.startswith("position")]
@@ -405,8 +409,10 @@ class Pose:
         raise self._misshaped(t, f"the orientation {shown(turn)}")
 
     def _split(self, value: Any, t: float) -> tuple[Any, Any]:
+        pair = as_pair(value)
         if self.slides == 0:
-            return (), value
+            return (), value if pair is value else pair[1]
+        value = pair
         if not isinstance(value, tuple | list) or len(value) != 2 or shape_of(value[0]) == ():
             raise self._misshaped(t, shown(value))
         position = list(np.asarray(value[0], dtype=object).ravel())

@@ -103,18 +103,18 @@ class Ensemble:
         return simulate(self._mechanism, duration, t_eval=self.t, **given)
 
     def to_xarray(self) -> xarray.Dataset:
-        """An `xarray.Dataset` with the dimensions member, time, coordinate and velocity: q, v, status, success, and the
+        """An `xarray.Dataset` with the dimensions member, t, coordinate and velocity: q, v, status, success, and the
         parameters that varied. Needs xarray."""
         xr = extra("xarray", "xarray", "to_xarray")
         data: dict[str, Any] = {
-            "q": (("member", "time", "coordinate"), self.q),
-            "v": (("member", "time", "velocity"), self.v),
+            "q": (("member", "t", "coordinate"), self.q),
+            "v": (("member", "t", "velocity"), self.v),
             "status": ("member", self.status),
             "success": ("member", self.success),
         }
         for name, values in self.parameters.items():
             data[name] = (("member", f"{name}_axis0")[: values.ndim], values)
-        coordinates = {"time": self.t, "coordinate": self.names, "velocity": self.velocity_names}
+        coordinates = {"t": self.t, "coordinate": self.names, "velocity": self.velocity_names}
         return xr.Dataset(data, coords=coordinates)
 
     def __repr__(self) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..builder.checks import Element
 from ..builder.compiled import CompiledModel
-from ..builder.frames import is_rotation, rotation, transform
+from ..builder.frames import as_pair, is_rotation, rotation, transform
 from ..builder.measures import Coordinate
 from ..errors import ArgumentError, DescriptionError, UnknownNameError
 from ..naming import Names, coordinate_units, joint_units
@@ -159,10 +159,11 @@ def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:
 
 
 def is_framed(key: Any, value: Any) -> bool:
-    """Whether a target is a position with an orientation: a point of a body, and (orientation, position)."""
+    """Whether a target is a pose: a point of a body, and (position, orientation)."""
+    value = as_pair(value)
     if not (isinstance(key, tuple) and len(key) == 2 and isinstance(value, tuple | list) and len(value) == 2):
         return False
-    shape = np.shape(value[0]) if not is_rotation(value[0]) else (3, 3)
+    shape = np.shape(value[1]) if not is_rotation(value[1]) else (3, 3)
     return shape in ((3, 3), (4,)) or (len(shape) == 3 and shape[1:] == (3, 3)) or (len(shape) == 2 and shape[1] == 4)
 
 
@@ -198,12 +199,13 @@ def _at_target(model: CompiledModel) -> Framed:
     """For one position: the orientation relative to the one that is asked for, so that its target is zero."""
 
     def framed(what: str, key: Any, value: Any) -> tuple[list[Goal], Any]:
-        reference = orientations(what, key, value[0])
+        position, turned = as_pair(value)
+        reference = orientations(what, key, turned)
         if reference.shape != (3, 3):
             message = f"{what}[{shown(key)}] has {len(reference)} orientations; give one, or use assemble_many"
             raise ArgumentError(message, argument=what)
         points = _point(what, key, model)
-        place = _numbers_of(what, key, value[1], "m", 3)
+        place = _numbers_of(what, key, position, "m", 3)
         if place.ndim != 1:
             raise ArgumentError(f"{what}[{shown(key)}] needs one position of three numbers", argument=what)
         return [*points, *orientation_goals(what, key, model, reference)], [*place.tolist(), 0.0, 0.0, 0.0]
@@ -217,21 +219,22 @@ def relative_to(references: Callable[[int], Array], model: CompiledModel) -> Fra
     def framed(what: str, key: Any, value: Any) -> tuple[list[Goal], Any]:
         points = _point(what, key, model)
         reference = references(points[0][2])
-        turned = orientations(what, key, value[0]).reshape(-1, 3, 3)
-        vectors = transform().Rotation.from_matrix(reference.T @ turned).as_rotvec()
-        return [*points, *orientation_goals(what, key, model, reference)], _rows(what, key, value[1], vectors, "m")
+        positions, turned = as_pair(value)
+        matrices = orientations(what, key, turned).reshape(-1, 3, 3)
+        vectors = transform().Rotation.from_matrix(reference.T @ matrices).as_rotvec()
+        return [*points, *orientation_goals(what, key, model, reference)], _rows(what, key, positions, vectors, "m")
 
     return framed
 
 
 def rates_of_frames(framed_keys: Mapping[Any, list[Goal]], unit: str) -> Framed:
-    """For rates of such targets: (angular velocity, velocity) along the axes of the world."""
+    """For rates of such targets: (velocity, angular velocity) along the axes of the world."""
 
     def framed(what: str, key: Any, value: Any) -> tuple[list[Goal], Any]:
         if is_turn(key):
             return framed_keys[key], _numbers_of(what, key, value, f"rad{unit}", 3)
-        turned = np.atleast_2d(_numbers_of(what, key, value[0], f"rad{unit}", 3))
-        return framed_keys[key], _rows(what, key, value[1], turned, f"m{unit}")
+        turned = np.atleast_2d(_numbers_of(what, key, value[1], f"rad{unit}", 3))
+        return framed_keys[key], _rows(what, key, value[0], turned, f"m{unit}")
 
     return framed
 
@@ -280,13 +283,13 @@ def asked(
     for key, value in wanted.items():
         with_orientation = is_framed(key, value) if frames is None else key in frames
         if frames is None and is_turn(key):
-            goals, six = framed(what, (key[0], _NOWHERE), (value, _NOWHERE))
+            goals, six = framed(what, (key[0], _NOWHERE), (_NOWHERE, value))
             goals, value = goals[3:], np.asarray(six)[..., 3:]  # at any position
         elif with_orientation:
             goals, value = framed(what, key, value)
         elif frames is None and is_framed(key, value[::-1] if isinstance(value, tuple | list) else value):
             raise ArgumentError(
-                f"{what}[{shown(key)}]: give the orientation first, then the position: (orientation, position)",
+                f"{what}[{shown(key)}]: give the position first, then the orientation: (position, orientation)",
                 argument=what,
             )
         else:

@@ -49,7 +49,7 @@ def kinematics(
         targets: goals, as in `assemble_many`: joint -> positions (n,), point of a body -> positions (n, 3), point with
             the orientation of its body -> (orientations, positions). A single value applies to all poses.
         rates: goal -> rates [rad/s or m/s], (n,) or one for all; of a point its velocity; of a point with orientation
-            (angular velocity, velocity), both along the axes of the world. Goals that are not named are at rest; None:
+            (velocity, angular velocity), both along the axes of the world. Goals that are not named are at rest; None:
             all are. If joints or points other than the goals are named, the rates named are the only ones, and must
             determine the motion as well.
         accelerations: the same for accelerations [rad/s^2 or m/s^2], of what has rates.

@@ -145,9 +145,9 @@ def assemble_many(
         targets: joint (name or handle) -> positions [rad or m], (n,) or (n, coordinates); one coordinate of several by
             its name; joints that close loops are treated like all others. A point of a body, ("coupler", (0.6, 0, 0))
             in body axes, -> positions (n, 3) in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> (n, 2). A point with
-            the orientation of its body -> (orientations, positions): rotation matrices (n, 3, 3), quaternions (n, 4) or
-            a SciPy `Rotation`, and positions (n, 3). A single value applies to all poses. Coordinates that the targets
-            leave free move as little as possible.
+            the orientation of its body -> (positions, orientations): positions (n, 3), and rotation matrices (n, 3, 3),
+            quaternions (n, 4) or a SciPy `Rotation`; or a SciPy `RigidTransform`. A single value applies to all poses.
+            Coordinates that the targets leave free move as little as possible.
         near: state that defines the branch, as returned by `assemble` or `assemblies`; None: the drawing.
         branch: signs of the blocks, such as "+-", instead of those of `near`, as reported in `Assembled.branch` with
             the targets as inputs.

@@ -45,12 +45,11 @@ def assemble(
             coordinates, or a single coordinate by its name, such as "C.slide" (see `compile().names`). Joints that
             close loops are treated like all others. A point of a body, ("coupler", (0.6, 0, 0)) in body axes, -> its
             position in the world [m]; ("coupler", (0.6, 0, 0), "xy") -> two of its world coordinates; a point with the
-            orientation of its body -> (orientation, position): a rotation matrix with the axes of the body in its
-            columns, a quaternion (w, x, y, z) or a SciPy `Rotation`, and three numbers; ("coupler", "rotation") -> the
-            orientation alone. A list of such dicts sets
-            strict priorities: the targets of the first dict are met; those of each later one are met as nearly as the
-            earlier ones allow, in the sense of least squares (angles in radians, lengths as fractions of the size of
-            the mechanism).
+            orientation of its body -> (position, orientation): three numbers, and a rotation matrix with the axes of
+            the body in its columns, a quaternion (w, x, y, z) or a SciPy `Rotation`; or a SciPy `RigidTransform`.
+            ("coupler", "rotation") -> the orientation alone. A list of such dicts sets strict priorities:
+            the targets of the first dict are met; those of each later one are met as nearly as the earlier ones allow,
+            in the sense of least squares (angles in radians, lengths as fractions of the size of the mechanism).
         rates: the same for velocities of joints [rad/s or m/s]. Velocities that are not given stay as near to rest (or
             to those of `near`) as possible. At a change point, where branches meet, the rates select a branch and are
             completed on it; they may deviate from it by 2e-3, as when copied from a message, and the result lies on it.

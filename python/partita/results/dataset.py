@@ -16,8 +16,8 @@ from .record import read_exact
 if TYPE_CHECKING:
     import xarray
 
-TIME = "time"
-"""The axis, and the coordinate along it, for `t` of a result."""
+TIME = "t"
+"""The axis, and the coordinate along it, as everywhere."""
 LONGEST = 20_000
 """Letters of an attribute: HDF5 holds no more than 64 kB in one."""
 
@@ -67,9 +67,9 @@ def as_header(found: xarray.Dataset) -> tuple[dict[str, Any], dict[str, Any]]:
     header["account"]["spec"] = read_exact(str(found["model"].values[()]))
     # sizes first: a damaged file must not make room for numbers that it does not have
     for name, about in header["arrays"].items():
-        if list(found[TIME if name == "t" else name].shape) != about["shape"]:
+        if list(found[name].shape) != about["shape"]:
             raise ValueError(f"the shape of {name} differs from its description")
-    return header, {name: found[TIME if name == "t" else name].values for name in header["arrays"]}
+    return header, {name: found[name].values for name in header["arrays"]}
 
 
 def unfilled(found: xarray.Dataset) -> dict[str, dict[str, Any]]:

@@ -131,7 +131,7 @@ class Result(Run):
         >>> import partita as pt
         >>> found = pt.catalogue.load("four-bar").simulate(0.5).to_xarray()
         >>> found.force.sel(joint="A", axis="x").dims
-        ('time',)
+        ('t',)
         """
         from .dataset import to_xarray
 
