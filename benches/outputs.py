@@ -60,7 +60,7 @@ def first_force(name: str, joint: str, duration: float, **parameters: int) -> Fi
         runs[:] = [m.simulate(duration, t_eval=times, initial=start)]
 
     seconds = fastest(lambda: runs[0].joint(joint).force, 0.3, 5, anew)
-    residual = float(np.max(np.abs(runs[0].reactions["residual"]), initial=0.0))
+    residual = float(np.max(np.abs(runs[0].at_once.reactions["residual"]), initial=0.0))
     return FirstForce(seconds, len(times), residual)
 
 

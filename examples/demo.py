@@ -130,7 +130,7 @@ def certificate(result: Result) -> list[str]:
         ("Newton-Euler", found.newton_euler, "residual with the joint reactions, over the largest force"),
     )
     lines = [f"  {name:<18}{'unknown' if value is None else f'{value:.1e}'}   {what}" for name, value, what in rows]
-    always = result.determined[1].all(axis=0)
+    always = result.at_once.determined[1].all(axis=0)
     unique = f"{always.sum()} of {always.size}"
     return [*lines, f"  {'reactions':<18}{unique:<10}components follow from the motion; the rest need elasticity"]
 

@@ -48,7 +48,7 @@ def positions(m: pt.Mechanism, start: State, **options: Any) -> Array:
     done = m.simulate(DURATION, t_eval=np.linspace(0.0, DURATION, OUTPUTS), initial=start, **options)
     if not done.success:
         raise RuntimeError(f"{options}: {done.message}")
-    return done.observed["body_position"]
+    return done.at_once.observed["body_position"]
 
 
 def main(short: bool = False, folder: Path = FOLDER) -> Numbers:

@@ -78,12 +78,12 @@ def succeeded(done: Result) -> bool:
 def exact(name: str) -> Array:
     """Centres of all links at all outputs, from a tight run in joint coordinates."""
     done = march(name, method="dop853", step=1.0 / REFERENCE[name], coordinates="relative")
-    return np.asarray(done.observed["body_position"])
+    return np.asarray(done.at_once.observed["body_position"])
 
 
 def error(name: str, done: Result) -> float:
     """Root mean square of the distance of all links from the exact motion at all outputs [m]."""
-    gap = done.observed["body_position"] - exact(name)
+    gap = done.at_once.observed["body_position"] - exact(name)
     return float(np.sqrt(np.mean(np.sum(gap**2, axis=-1))))
 
 

@@ -290,7 +290,7 @@ def test_wehage_haug_with_its_own_complete_pivoting(name: str, coordinates: str)
     first = pivoted(c, np.linalg.matrix_rank(c))
     assert list(run.partitions[0].independent) == [model.velocity_names[i] for i in first]
     assert "complete-pivoting" in run.partitions[0].reason
-    off = np.abs(run.observed["body_position"] - known.observed["body_position"]).max()
+    off = np.abs(run.at_once.observed["body_position"] - known.at_once.observed["body_position"]).max()
     assert off < 1e-5
     for change in run.partitions[1:]:
         assert "complete pivoting grows by" in change.reason

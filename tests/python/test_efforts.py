@@ -23,8 +23,8 @@ G = 9.81
 def agreeing(run: Result, case: Any) -> None:
     """Drives that agree: the result holds, by both routes, and says that shares are open."""
     assert run.success, (case, run.message)
-    assert run.reactions["residual"].max() < 1e-9, (case, run.reactions["residual"].max())
-    force = run.reactions["force"]
+    assert run.at_once.reactions["residual"].max() < 1e-9, (case, run.at_once.reactions["residual"].max())
+    force = run.at_once.reactions["force"]
     assert np.abs(run.reactions_by("augmented")["force"] - force).max() < 1e-8 * (1.0 + np.abs(force).max()), case
 
 

@@ -283,7 +283,7 @@ def test_accelerations_of_a_slider_crank_in_closed_form(coordinates: str) -> Non
 
 def test_accelerations_travel_with_the_result(tmp_path: Path) -> None:
     run = pt.catalogue.load("rssr").simulate(0.3, t_eval=[0.0, 0.1, 0.3])
-    all_at_once = run.joint_accelerations
+    all_at_once = run.at_once.joint_accelerations
     for name, about in zip(run.names.joints, run.summary["joints"], strict=True):
         first, count = about["v"]
         assert np.array_equal(run.joint(name).acceleration, all_at_once[:, first : first + count])

@@ -39,7 +39,7 @@ def flipped(content: bytes, number: int) -> bytes:
 
 def reported(result: results.Result) -> list[bytes]:
     """All numbers and texts of a result."""
-    arrays = {**result.arrays, **result.observed, **result.reactions}
+    arrays = {**result.arrays, **result.at_once.observed, **result.at_once.reactions}
     words = json.dumps([result.notes, result.message, result.counters, str(result.certificate), result.spec])
     return [*(np.asarray(a, dtype=float).tobytes() for a in arrays.values()), words.encode()]
 

@@ -115,7 +115,7 @@ def test_one_motion(name: str, formulation: str) -> None:
     # (g) every body is in balance with what its joints are said to do
     assert run.certificate.newton_euler <= 1e-9
     # one motion: positions of all bodies
-    off = np.abs(run.observed["body_position"] - known.observed["body_position"]).max()
+    off = np.abs(run.at_once.observed["body_position"] - known.at_once.observed["body_position"]).max()
     assert off <= SAME
 
 
@@ -126,7 +126,7 @@ def test_absolute_coordinates_give_the_same(name: str) -> None:
     run = m.simulate(times[-1], t_eval=times, initial=start, coordinates="absolute", rtol=RTOL, atol=1e-2 * RTOL)
     known = reference(name)
     assert run.success, run.message
-    off = np.abs(run.observed["body_position"] - known.observed["body_position"]).max()
+    off = np.abs(run.at_once.observed["body_position"] - known.at_once.observed["body_position"]).max()
     assert off <= SAME
     assert run.certificate.newton_euler <= 1e-9
 
@@ -156,8 +156,8 @@ def test_every_formulation_in_absolute_coordinates(formulation: str) -> None:
         assert 1.0 < run.t[-1] < times[-1]
     else:
         assert run.success, run.message
-    known = reference("four-bar").observed["body_position"][: len(run.t)]
-    assert np.abs(run.observed["body_position"] - known).max() <= SAME
+    known = reference("four-bar").at_once.observed["body_position"][: len(run.t)]
+    assert np.abs(run.at_once.observed["body_position"] - known).max() <= SAME
 
 
 @pytest.mark.parametrize("selection", options.SELECTIONS)
@@ -170,7 +170,7 @@ def test_every_rule_of_choice_gives_the_motion(name: str, selection: str) -> Non
     known = reference(name)
     rows = len(run.t)
     assert rows > 1
-    off = np.abs(run.observed["body_position"] - known.observed["body_position"][:rows]).max()
+    off = np.abs(run.at_once.observed["body_position"] - known.at_once.observed["body_position"][:rows]).max()
     assert off <= SAME
     assert run.success or selection in {"individual", "determinant", "complete-pivoting"}, run.message
 
@@ -182,7 +182,7 @@ def test_baumgarte_needs_its_parameters_and_says_what_it_leaves_open() -> None:
     assert run.success
     assert 1e-15 < run.closure.max() < 1e-6  # stabilised, not closed
     assert any("closed" in note for note in run.notes)
-    off = np.abs(run.observed["body_position"] - reference("four-bar").observed["body_position"]).max()
+    off = np.abs(run.at_once.observed["body_position"] - reference("four-bar").at_once.observed["body_position"]).max()
     assert off <= SAME
 
 

@@ -119,7 +119,7 @@ def test_what_is_open_turns_with_the_frame() -> None:
     assert turned.determined_at[0].tolist() == [False, False, False, False, True, False]
     assert not turned.determined_at[1:].any()
     # and as they turn with it
-    assert (hinge.in_frame(np.roll(run.reactions["joint_rotation"][:, 2], 1, axis=2)).determined_at[:, 3]).all()
+    assert (hinge.in_frame(np.roll(run.at_once.reactions["joint_rotation"][:, 2], 1, axis=2)).determined_at[:, 3]).all()
 
 
 def sarrus(cut: str = "") -> pt.Mechanism:

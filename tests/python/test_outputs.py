@@ -59,7 +59,7 @@ def test_one_by_one_is_what_all_at_once_is(name: str, coordinates: str) -> None:
     m = pt.catalogue.load(name)
     span = 0.02 if name == "andrews-squeezer" else 0.3
     run = m.simulate(span, t_eval=np.linspace(0.0, span, 9), coordinates=coordinates)
-    seen, forces = run.observed, run.reactions
+    seen, forces = run.at_once.observed, run.at_once.reactions
     for b, body in enumerate(run.names.bodies):
         one = run.body(body)
         for key in ("position", "rotation", "velocity", "angular_velocity"):
@@ -69,7 +69,7 @@ def test_one_by_one_is_what_all_at_once_is(name: str, coordinates: str) -> None:
         (q0, nq), (v0, nv) = about["q"], about["v"]
         assert np.array_equal(joint.position, seen["joint_position"][:, q0 : q0 + nq]), name
         assert np.array_equal(joint.velocity, seen["joint_velocity"][:, v0 : v0 + nv]), name
-        assert np.array_equal(joint.acceleration, run.joint_accelerations[:, v0 : v0 + nv]), name
+        assert np.array_equal(joint.acceleration, run.at_once.joint_accelerations[:, v0 : v0 + nv]), name
         assert np.array_equal(joint.drive, forces["drive"][:, v0 : v0 + nv]), name
         assert np.array_equal(joint.point, seen["joint_point"][:, j]), name
         assert np.array_equal(joint.force, forces["force"][:, j]), name
@@ -143,9 +143,9 @@ def test_an_exception_of_the_user_comes_out_of_the_reading() -> None:
     run = m.simulate(0.1, t_eval=[0.0, 0.1])
     armed["on"] = True
     with pytest.raises(RuntimeError, match="no force today"):
-        run.reactions  # noqa: B018
+        run.at_once.reactions  # noqa: B018
     armed["on"] = False
-    assert np.isfinite(run.reactions["force"]).all()
+    assert np.isfinite(run.at_once.reactions["force"]).all()
 
 
 @pytest.mark.parametrize("stored", [False, True])
@@ -246,7 +246,7 @@ def test_what_is_computed_later_does_not_depend_on_what_was_read_before(name: st
     other = {key: getattr(second, key) for key in reversed(order)}
     for key in order:
         assert np.array_equal(one[key], other[key], equal_nan=True), key
-    residual = np.abs(first.reactions["residual"]).max()
+    residual = np.abs(first.at_once.reactions["residual"]).max()
     assert residual < 1e-8
 
 

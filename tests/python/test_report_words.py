@@ -159,7 +159,7 @@ def test_the_certificate_says_who_and_when() -> None:
     assert max(worst for _, worst, _ in found.bodies) == found.newton_euler
     assert found.worst_body in run.names.bodies and found.worst_body_t in run.t
     assert found.rank == (2,) and 0.0 < found.margin < 1.0 and found.geometric_error == 0.0
-    assert run.reactions["residuals"].shape == (21, 3)
+    assert run.at_once.reactions["residuals"].shape == (21, 3)
     report = str(found)
     assert f"{found.worst_body} at t = " in report and "loops' rank       2; margin" in report
 

@@ -79,7 +79,8 @@ def uses(run: Any, folder: Path) -> Iterator[Callable[[], Any]]:
     """All that one does with a result."""
     yield lambda: (repr(run), run._repr_html_(), str(run.certificate), run.title, run.units, run.message)
     yield lambda: (run.certificate.verdict, run.partitions, run.notes, run.counters, run.options, run.independent)
-    yield lambda: (run.energy.total, run.energy.balance, run.measure, run.determined, run.checks, run.reactions)
+    yield lambda: (run.energy.total, run.energy.balance, run.measure)
+    yield lambda: (run.at_once.determined, run.at_once.checks, run.at_once.reactions)
     for name in run.names.joints:
         yield lambda name=name: [
             (j.force, j.position, j.velocity, j.acceleration, j.determined, j.in_frame("joint").moment, repr(j))

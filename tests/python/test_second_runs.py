@@ -39,7 +39,7 @@ def reported(run: pt.Result) -> dict[str, Any]:
     arrays = {name: np.asarray(getattr(run, name)).tobytes() for name in ARRAYS}
     counters = {name: count for name, count in run.counters.items() if name != "compiled_evaluations"}
     plain = (run.status, run.message, run.notes, counters, run.options, [vars(x) for x in run.partitions])
-    force = b"" if not run.has_energy else b"".join(a.tobytes() for a in run.reactions.values())
+    force = b"" if not run.has_energy else b"".join(a.tobytes() for a in run.at_once.reactions.values())
     return {**arrays, "plain": repr(plain), "force": force}
 
 

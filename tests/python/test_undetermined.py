@@ -77,7 +77,7 @@ def test_the_same_whatever_is_cut_and_in_all_coordinates(usual: pt.Result) -> No
     np.testing.assert_allclose(wrenches(run), expected, atol=SAME * size)
     other = run.reactions_by("augmented")
     for key in ("force", "moment"):
-        np.testing.assert_allclose(other[key], run.reactions[key], atol=SAME * size)
+        np.testing.assert_allclose(other[key], run.at_once.reactions[key], atol=SAME * size)
 
 
 def test_the_same_in_any_order_place_frame_and_unit(usual: pt.Result) -> None:
@@ -159,7 +159,7 @@ def rows_of_hinges(run: pt.Result, m: pt.Mechanism, i: int) -> tuple[np.ndarray,
             arm = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
             equations[6 * b : 6 * b + 3, 6 * j : 6 * j + 3] = sign * np.eye(3)
             equations[6 * b + 3 : 6 * b + 6, 6 * j : 6 * j + 6] = sign * np.hstack([arm, np.eye(3)])
-        free[j, 6 * j + 3 : 6 * j + 6] = run.reactions["joint_rotation"][i, j][:, 2]
+        free[j, 6 * j + 3 : 6 * j + 6] = run.at_once.reactions["joint_rotation"][i, j][:, 2]
     return equations, free
 
 
@@ -227,7 +227,7 @@ def test_a_door_on_three_elastic_hinges(tmp_path: Path) -> None:
         np.testing.assert_allclose(found, user_defined, atol=1e-7)
     m.save(tmp_path / "door.toml")
     again = pt.load(tmp_path / "door.toml").simulate(0.1, t_eval=(0.0,))
-    np.testing.assert_array_equal(again.reactions["force"], run.reactions["force"])
+    np.testing.assert_array_equal(again.at_once.reactions["force"], run.at_once.reactions["force"])
     # what is not said to give counts as rigid and carries what it can alone
     run = door(low={"translation": 1e-8, "rotation": 1e-7}, high={"translation": 1e-8, "rotation": 1e-7}).simulate(0.1)
     assert abs(run.joint("middle").force[0, 2] - 196.2) < 1e-3

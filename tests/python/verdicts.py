@@ -59,7 +59,7 @@ def of_catalogue(task: tuple[str, float]) -> Judged:
     entry = catalogue.entry(name)
     m = entry.mechanism()
     start = entry.initial(m)
-    here = m.simulate(1e-9, t_eval=[start.t], initial=start).observed["body_position"]
+    here = m.simulate(1e-9, t_eval=[start.t], initial=start).at_once.observed["body_position"]
     size = float(np.abs(here).max())
     return compared(m, start, min(1.0, entry.duration), size, rtol, name)
 
@@ -80,7 +80,7 @@ def compared(m: Mechanism, start: State, end: float, size: float, rtol: float, w
     run = march(rtol)
     at = f"{words}, rtol {rtol:.0e}"
     rows = len(run.t)
-    off = np.abs(run.observed["body_position"] - known.observed["body_position"][:rows]).max() / size
+    off = np.abs(run.at_once.observed["body_position"] - known.at_once.observed["body_position"][:rows]).max() / size
     if not off <= ALLOWED * rtol + FLOOR:
         word = "wrong" if run.success and run.certificate.verdict == "valid" else "off, and told"
         return Judged(word, f"{at}: off by {off:.1e}; {run.message}")

@@ -18,7 +18,7 @@ from ..results import BodyResult, CouplingResult, EnergyResult, JointResult
 from ..results.force import ForceResult
 from ..results.run import Run
 from ..results.sensor import SensorResult
-from ..results.source import Arrays
+from ..results.source import Source
 
 if TYPE_CHECKING:
     import xarray
@@ -175,14 +175,9 @@ class InverseDynamics:
         return self.run.energy
 
     @property
-    def reactions(self) -> Arrays:
-        """All reactions at once, as `Result.reactions`; for tools."""
-        return self.run.reactions
-
-    @property
-    def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Uniqueness of all reaction components, as `Result.determined`; for tools."""
-        return self.run.determined
+    def at_once(self) -> Source:
+        """All reactions at once, as those of a run: see `Result.at_once`."""
+        return self.run.at_once
 
     def plot(self, *actuators: Any, path: str | os.PathLike[str] | None = None) -> Figure:
         """Plot efforts over time, one panel for each unit, and the margin; all actuators, or some. `path` saves it.

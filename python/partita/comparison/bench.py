@@ -173,7 +173,7 @@ class Bench:
         in one point."""
         if self.reference is None or self.reference.result is None or not self.reference.result.is_mechanism:
             return 1.0
-        seen = self.reference.result.observed
+        seen = self.reference.result.at_once.observed
         points = np.concatenate([seen["body_position"][0], seen["joint_point"][0]])
         far = float(np.max(np.linalg.norm(points - points.mean(axis=0), axis=1)))
         return far if far > 0.0 else 1.0
@@ -188,7 +188,7 @@ _REPORTED = ("formulation", "method", "rtol", "atol")
 
 def _frames(result: Result, size: float) -> Array:
     """Origins of all bodies and tips of their axes (nt, bodies, 4, 3)."""
-    seen: Mapping[str, Array] = result.observed
+    seen: Mapping[str, Array] = result.at_once.observed
     origin = seen["body_position"][:, :, None, :]
     tips = np.swapaxes(seen["body_rotation"], -1, -2)
     return np.concatenate([origin, origin + size * tips], axis=2)

@@ -31,7 +31,7 @@ def carries(result: ResultView, key: str) -> bool:
     """Whether any joint has a force, or a moment, above rounding."""
     if not result.names.joints:
         return False
-    most, force = (float(np.nanmax(np.abs(result.reactions[what]), initial=0.0)) for what in (key, "force"))
+    most, force = (float(np.nanmax(np.abs(result.at_once.reactions[what]), initial=0.0)) for what in (key, "force"))
     return most > 1e-11 * max(1.0, force)
 
 
@@ -48,13 +48,13 @@ def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None
     if not result.names.joints:
         empty(ax, "no joints")
         return ""
-    size = np.linalg.norm(result.reactions[key], axis=2)
+    size = np.linalg.norm(result.at_once.reactions[key], axis=2)
     peak = np.nanmax(size, axis=0, initial=0.0)
     if not carries(result, key):
         empty(ax, f"no joint carries a {key}")
         return ""
-    own = np.einsum("tjab,tja->tjb", result.reactions["joint_rotation"], result.reactions[key])
-    along = np.asarray(result.determined[1].all(axis=0), dtype=bool)
+    own = np.einsum("tjab,tja->tjb", result.at_once.reactions["joint_rotation"], result.at_once.reactions[key])
+    along = np.asarray(result.at_once.determined[1].all(axis=0), dtype=bool)
     openly = np.nanmax(np.abs(own) * ~along[:, part], axis=(0, 2), initial=0.0) > 1e-9 * peak
     loaded = [int(j) for j in np.argsort(-peak, kind="stable")[:LIMIT]]
     loaded = sorted(j for j in loaded if peak[j] > 1e-12 * max(peak)) or sorted(loaded)

@@ -137,7 +137,7 @@ def certify(result: ResultView) -> Certificate:
         findings.insert(0, Finding(True, float("nan"), result.record.message))
     if result.names.bodies:
         try:
-            residual = result.reactions["residual"]
+            residual = result.at_once.reactions["residual"]
             newton_euler = _largest(residual)
             findings += of_reactions(result.t, residual, result.record.options)
         except PartitaError as error:
@@ -175,7 +175,7 @@ def certify(result: ResultView) -> Certificate:
 
 def _of_outputs(result: ResultView) -> dict[str, Any]:
     """Largest closure error with its constraint and time, accelerations, rank and margin."""
-    checks, names = result.checks, result.names.multipliers
+    checks, names = result.at_once.checks, result.names.multipliers
 
     def row(key: str, i: int) -> str | None:
         number = checks[key][i]
@@ -199,7 +199,7 @@ def _of_outputs(result: ResultView) -> dict[str, Any]:
 
 def _of_bodies(result: ResultView) -> dict[str, Any]:
     """Newton-Euler residual of each body; unknown at singular positions."""
-    residuals = np.nan_to_num(np.abs(result.reactions["residuals"]), nan=0.0)
+    residuals = np.nan_to_num(np.abs(result.at_once.reactions["residuals"]), nan=0.0)
     if residuals.shape != (len(result.t), len(result.names.bodies)) or not residuals.size:
         return {}
     at = np.argmax(residuals, axis=0)

@@ -14,7 +14,7 @@ from .body import BodyResult, resting
 from .joint import AskedJoint, JointIndices
 from .names import Names, index_of, name_of
 from .sensor import LiveSensors, SensorResult, StoredSensors, result_of
-from .source import BODIES, Arrays, Source
+from .source import BODIES, Source
 
 FloatArray = NDArray[np.float64]
 
@@ -71,14 +71,18 @@ class Motion:
         return tuple(item["name"] for item in self.summary.get("sensors", ()))
 
     @property
-    def observed(self) -> Arrays:
-        """All bodies and joints at once, by array name (`body_position` (nt, nb, 3), ...); for tools."""
-        return self._source_for("body", "all").observed
+    def at_once(self) -> Source:
+        """Arrays of all bodies and joints at once, by name, for programs that go through all of them:
+        `at_once.observed["body_position"]` (nt, nb, 3), `.joint_accelerations` (nt, degrees of freedom), and of a run
+        `.reactions["force"]` (nt, nj, 3), `.determined` (two of (nt, nj, 6), in world axes and in joint axes),
+        `.determined_efforts`, `.determined_drive` and `.checks`. Prefer `body(name)` and `joint(name)` for one.
 
-    @property
-    def joint_accelerations(self) -> FloatArray:
-        """Accelerations of all joints (nt, degrees of freedom), as `joint_velocity` of `observed`; for tools."""
-        return self._source_for("joint", "all").joint_accelerations
+        >>> import partita as pt
+        >>> run = pt.catalogue.load("four-bar").simulate(0.1)
+        >>> run.at_once.reactions["force"].shape == (201, len(run.names.joints), 3)
+        True
+        """
+        return self._source_for("joint", "all")
 
     def _joint(self, name: str) -> tuple[Mapping[str, Any], AskedJoint]:
         """What the model says of the joint `name`, and its data."""

@@ -306,13 +306,8 @@ class Run(Motion):
         first = int(self.summary.get("closing_rows", 0))
         return DriveResult(name, source, [row - first for row in found])
 
-    @property
-    def reactions(self) -> Arrays:
-        """All reactions at once, by array name (`force` (nt, nj, 3), `moment`, ...); for tools."""
-        return self._source_for("joint", "all").reactions
-
     def reactions_by(self, route: str) -> Arrays:
-        """All reactions by an independent method: `force` and `moment` (nt, nj, 3), as in `reactions`.
+        """All reactions by an independent method: `force` and `moment` (nt, nj, 3), as in `at_once.reactions`.
 
         `"recursion"`: the Newton-Euler sweep that `joint(name)` shows. `"augmented"`: augmented joint coordinates
         (Blajer 2004), in which each locked displacement of a joint moves everything outboard. The two share no formula,
@@ -342,26 +337,6 @@ class Run(Motion):
                 argument="route",
             )
         return found
-
-    @property
-    def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Uniqueness of all reaction components: (nt, nj, 6) in world axes and in joint axes; for tools."""
-        return self._source_for("joint", "all").determined
-
-    @property
-    def checks(self) -> Arrays:
-        """Further checks of the outputs for the certificate, by array name; for tools."""
-        return self._source_for("joint", "all").checks
-
-    @property
-    def determined_efforts(self) -> NDArray[np.bool_]:
-        """Uniqueness of `effort` in `reactions`: (nt, conditions); for tools."""
-        return self._source_for("joint", "all").determined_efforts
-
-    @property
-    def determined_drive(self) -> NDArray[np.bool_]:
-        """Uniqueness of the efforts of all drives: (nt, degrees of freedom of all joints); for tools."""
-        return self._source_for("joint", "all").determined_drive
 
     def self_stresses(self, output: int = -1) -> SelfStresses:
         """Orthonormal basis of the self-stresses at one output: of all that can be added to the reactions without

@@ -99,15 +99,15 @@ def variables(result: ResultView) -> list[Variable]:
     nt = len(result.t)
     found = [v for v in _over_time(RUN, result.arrays) if len(v.values) == nt]
     if result.is_mechanism:
-        found += _over_time(OBSERVED, result.observed) + _over_time(REACTIONS, result.reactions)
-        found += _over_time(ACCELERATIONS, {"joint_acceleration": result.joint_accelerations})
-        found += _over_time(CHECKS, result.checks)
-        flags = zip(DETERMINED.items(), result.determined, strict=True)
+        found += _over_time(OBSERVED, result.at_once.observed) + _over_time(REACTIONS, result.at_once.reactions)
+        found += _over_time(ACCELERATIONS, {"joint_acceleration": result.at_once.joint_accelerations})
+        found += _over_time(CHECKS, result.at_once.checks)
+        flags = zip(DETERMINED.items(), result.at_once.determined, strict=True)
         found += [Variable(name, a, ("t", "joint", "component"), "1", text) for (name, text), a in flags]
         text = "1 where the effort of the drive along the degree of freedom is unique"
-        found.append(Variable("determined_drive", result.determined_drive, ("t", "joint_freedom"), "1", text))
+        found.append(Variable("determined_drive", result.at_once.determined_drive, ("t", "joint_freedom"), "1", text))
         text = "1 where the effort is unique"
-        found.append(Variable("determined_effort", result.determined_efforts, ("t", "condition"), "1", text))
+        found.append(Variable("determined_effort", result.at_once.determined_efforts, ("t", "condition"), "1", text))
         found += [variable for variable, _ in sensors(result)]
     return found
 
@@ -152,8 +152,8 @@ def of_motion(motion: MotionView) -> list[Variable]:
     states = {name: RUN[name] for name in ("q", "v", "vdot")}
     return [
         *_over_time(states, {"q": motion.q, "v": motion.v, "vdot": motion.vdot}),
-        *_over_time(OBSERVED, motion.observed),
-        *_over_time(ACCELERATIONS, {"joint_acceleration": motion.joint_accelerations}),
+        *_over_time(OBSERVED, motion.at_once.observed),
+        *_over_time(ACCELERATIONS, {"joint_acceleration": motion.at_once.joint_accelerations}),
         *(variable for variable, _ in sensors(motion)),
     ]
 

@@ -121,7 +121,7 @@ def frames_of(drawing: Drawing, run: Any) -> dict[str, Array]:
     found = {}
     for k, j in enumerate(drawing.joints):
         turned = np.eye(3) if j.parent == GROUND else run.body(j.parent).rotation[0] @ drawn[j.parent].T
-        found[j.name] = turned.T @ run.reactions["joint_rotation"][0, k]
+        found[j.name] = turned.T @ run.at_once.reactions["joint_rotation"][0, k]
     return found
 
 
@@ -153,7 +153,7 @@ def look(drawing: Drawing, mechanism: pt.Mechanism, run: Any, coordinates: str, 
     """Every output of a run against the independent program."""
     if not len(run.t):
         return
-    rotations = run.reactions["joint_rotation"]
+    rotations = run.at_once.reactions["joint_rotation"]
     bodies = {b.name: run.body(b.name) for b in drawing.bodies}
     own = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     own *= np.linalg.det(own)

@@ -267,7 +267,7 @@ class Forces:
                  drive.derivatives(float(run.t[i]))[0], largest * speed)  # fmt: skip
         for j in d.joints:
             for reads in ("force", "moment"):
-                seen, turn = getattr(run.joint(j.name), reads)[i], run.reactions["joint_rotation"][i, list(
+                seen, turn = getattr(run.joint(j.name), reads)[i], run.at_once.reactions["joint_rotation"][i, list(
                     run.names.joints).index(j.name)]  # fmt: skip
                 same("reaction", read(f"{j.name} {reads}"), seen, largest)
                 same("reaction in its axes", turn @ read(f"{j.name} {reads} joint"), seen, largest)

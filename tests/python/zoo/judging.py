@@ -61,7 +61,7 @@ def against_theory(
     if (at.mobility, at.redundant) != (truth.mobility, truth.redundant):
         found.wrong.append(f"t = {t:g}: theory says {truth.mobility} degrees of freedom, {truth.redundant} redundant "
                            f"conditions, the independent program {at.mobility} and {at.redundant}")  # fmt: skip
-    turns = result.reactions["joint_rotation"][i]
+    turns = result.at_once.reactions["joint_rotation"][i]
     for k, joint in enumerate(drawing.joints):
         turn = turns[k] if truth.axes == "joint" else np.eye(3)
         touched = np.concatenate([parts(at.stress_force[joint.name], turn), parts(at.stress_moment[joint.name], turn)])
