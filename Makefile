@@ -2,6 +2,8 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
+# One line for each long step; VERBOSE=1 shows what it prints.
+QUIETLY = @$(PYTHON) tools/quietly.py
 TOOLS := .venv/.tools
 BUILT := .venv/.built
 FMU := .venv/.fmu
@@ -34,12 +36,14 @@ $(TOOLS): constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
 		{ echo "Partita needs Python 3.10 or newer; name one: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
 	@command -v cargo >/dev/null || { echo "Partita's core is written in Rust: install Rust 1.85 or newer" >&2; exit 1; }
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --no-compile --only-binary=:all: --requirement constraints.txt
+	$(QUIETLY) "Making .venv" "some seconds" $(PYTHON) -m venv .venv
+	$(QUIETLY) "Installing the pinned tools into it" "a minute, by network" \
+		$(BIN)/python -m pip install --no-compile --only-binary=:all: --requirement constraints.txt
 	@touch $@
 
 $(BUILT): $(TOOLS) pyproject.toml $(RUST)
-	$(BIN)/maturin develop --release --locked
+	$(QUIETLY) "Compiling the core and installing Partita" "four minutes on two cores, once" \
+		$(BIN)/maturin develop --release --locked
 	@touch $@
 
 # The binary inside FMUs, put beside the Python sources. Asked for by way of its test, cargo takes the core that the other
@@ -47,14 +51,15 @@ $(BUILT): $(TOOLS) pyproject.toml $(RUST)
 FMU_LIBRARY = $(wildcard $(addprefix $(or $(CARGO_TARGET_DIR),target)/release/deps/,libpartita_fmu.so libpartita_fmu.dylib partita_fmu.dll))
 
 $(FMU): $(TOOLS) $(RUST)
-	cargo build --release --workspace --test fmu_wall --locked
+	$(QUIETLY) "Compiling the binary inside FMUs" "a minute, once" \
+		cargo build --release --workspace --test fmu_wall --locked
 	@$(MAKE) --no-print-directory put-fmu
 	@touch $@
 
 .PHONY: put-fmu
 put-fmu:
 	@mkdir -p python/partita/_fmu
-	cp $(FMU_LIBRARY) LICENSE-* python/partita/_fmu/
+	@cp $(FMU_LIBRARY) LICENSE-* python/partita/_fmu/
 
 ## fmu: the binary inside FMUs; a wheel that is made afterwards holds it
 fmu: $(FMU)
@@ -183,8 +188,12 @@ paper: $(BUILT)
 		$(BIN)/python examples/paper/$$script.py || exit 1; done
 
 ## demo: a four-bar and a squeezer, simulated, checked and drawn in out/
-demo: $(BUILT)
-	$(BIN)/python examples/demo.py
+demo: announced $(BUILT)
+	@$(BIN)/python examples/demo.py
+
+.PHONY: announced
+announced:
+	@echo "Sets Partita up in .venv where it is not yet, then simulates, checks and draws two mechanisms in out/."
 
 ## clean: back to a fresh clone
 clean:
