@@ -40,7 +40,7 @@ class Known(NamedTuple):
     run: Result
 
 
-class Seen(NamedTuple):
+class Reading(NamedTuple):
     """What a program shows at one output, in world axes.
 
     Of a body the position of its frame, its rotation, the velocity of its centre of mass and its angular velocity; of a
@@ -88,7 +88,7 @@ def known(case: Case) -> Known:
     return found
 
 
-def own(known: Known) -> Iterable[Seen]:
+def own(known: Known) -> Iterable[Reading]:
     """Partita's run as another program's would be seen."""
     m, run, _ = known.mechanism, known.run, known.case
     bodies = {name: run.body(name) for name in m.bodies}
@@ -98,10 +98,10 @@ def own(known: Known) -> Iterable[Seen]:
             arm = b.rotation[i] @ np.array(m.bodies[name].com)
             at[name] = (b.position[i], b.rotation[i], b.velocity[i] + np.cross(b.angular_velocity[i], arm),
                         b.angular_velocity[i])  # fmt: skip
-        yield Seen(at, {name: run.joint(name).force[i] for name in m.joints})
+        yield Reading(at, {name: run.joint(name).force[i] for name in m.joints})
 
 
-def reported(known: Known, program: str, settings: str, runs: Callable[[bool], list[Seen] | None]) -> None:
+def reported(known: Known, program: str, settings: str, runs: Callable[[bool], list[Reading] | None]) -> None:
     """The row of a program, printed. `runs(True)` is looked at, `runs(False)` is on the clock and shows nothing; None
     where it ends early."""
     seen = runs(True)
@@ -118,7 +118,7 @@ def reported(known: Known, program: str, settings: str, runs: Callable[[bool], l
     print(f"{known.case.name}, {program}, {settings}: {what}")
 
 
-def judged(known: Known, seen: list[Seen]) -> Row:
+def judged(known: Known, seen: list[Reading]) -> Row:
     """What outputs of another program, as many and at the same times, show beside Partita's."""
     _, m, run = known
     drawn = {b.name: (np.array(b.position), np.array(b.orientation)) for b in m.bodies.values()}
@@ -131,7 +131,7 @@ def judged(known: Known, seen: list[Seen]) -> Row:
     return Row(worst, drift, apart, *forces(run, seen))
 
 
-def opening(m: pt.Mechanism, drawn: Mapping[str, tuple[np.ndarray, np.ndarray]], at: Seen) -> float:
+def opening(m: pt.Mechanism, drawn: Mapping[str, tuple[np.ndarray, np.ndarray]], at: Reading) -> float:
     """Largest distance [m] between the two points of any joint."""
     worst = 0.0
     for joint in m.joints.values():
@@ -146,7 +146,7 @@ def opening(m: pt.Mechanism, drawn: Mapping[str, tuple[np.ndarray, np.ndarray]],
     return worst
 
 
-def energy(m: pt.Mechanism, at: Seen) -> float:
+def energy(m: pt.Mechanism, at: Reading) -> float:
     """Kinetic and potential [J]."""
     total = 0.0
     for name, body in m.bodies.items():
@@ -157,7 +157,7 @@ def energy(m: pt.Mechanism, at: Seen) -> float:
     return float(total)
 
 
-def forces(run: Result, seen: list[Seen]) -> tuple[float | None, float | None]:
+def forces(run: Result, seen: list[Reading]) -> tuple[float | None, float | None]:
     """How far forces that are unique differ, over the largest of them, and the others [N], in the first second."""
     unique, others, scale = [], [], 0.0
     for name in seen[0].forces:

@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-from beside import BENNETT, FOUR_BAR, Hinge, Known, Seen, asked, reported, tree
+from beside import BENNETT, FOUR_BAR, Hinge, Known, Reading, asked, reported, tree
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 from pydrake.multibody.tree import (
@@ -120,7 +120,7 @@ class Plant:
             made.set_angular_rate(context, rate)
         return context
 
-    def seen(self, context: Any) -> Seen:
+    def seen(self, context: Any) -> Reading:
         """Bodies and forces at a state."""
         plant, m = self.plant, self.known.mechanism
         bodies: dict[str, Any] = {}
@@ -136,10 +136,10 @@ class Plant:
         for name, (made, sign) in self.joints.items():
             turn = made.frame_on_child().CalcPoseInWorld(context).rotation().matrix()
             forces[name] = sign * turn @ reported[int(made.index())].translational()
-        return Seen(bodies, forces)
+        return Reading(bodies, forces)
 
 
-def run(known: Known, kind: str, number: float, look: bool) -> list[Seen] | None:
+def run(known: Known, kind: str, number: float, look: bool) -> list[Reading] | None:
     """A run to the end of Partita's; None where Drake refuses it."""
     try:
         made = Plant(known, kind, number)

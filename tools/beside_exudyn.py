@@ -11,7 +11,7 @@ from typing import Any
 
 import exudyn
 import numpy as np
-from beside import BENNETT, EVERY, FOUR_BAR, Case, Known, Seen, asked, hinge, reported
+from beside import BENNETT, EVERY, FOUR_BAR, Case, Known, Reading, asked, hinge, reported
 from exudyn.rigidBodyUtilities import RigidBodyInertia
 
 CASES = (FOUR_BAR, BENNETT, Case("bricard", {}, {}, 10.0), Case("n-four-bar", {"loops": 10}, {}, 10.0))
@@ -33,7 +33,7 @@ def variants() -> Iterator[tuple[str, bool]]:
     yield "redundancy allowed", True
 
 
-def once(known: Known, step: float, full: bool, look: bool) -> list[Seen] | None:
+def once(known: Known, step: float, full: bool, look: bool) -> list[Reading] | None:
     """One run."""
     case, m, run = known
     exudyn.config.printToConsole = False
@@ -65,7 +65,7 @@ def once(known: Known, step: float, full: bool, look: bool) -> list[Seen] | None
         asked_for.linearSolver.solverType = exudyn.LinearSolverType.EigenDense
         asked_for.linearSolver.ignoreSingularJacobian = True
     every = round(EVERY / step)
-    found, counted = list[Seen](), [0]
+    found, counted = list[Reading](), [0]
     kinds = exudyn.OutputVariableType
 
     def watch(system: Any, t: float) -> bool:
@@ -74,7 +74,7 @@ def once(known: Known, step: float, full: bool, look: bool) -> list[Seen] | None
         counted[0] += 1
         return True
 
-    def seen(system: Any) -> Seen:
+    def seen(system: Any) -> Reading:
         def of(body: str, kind: Any, point: Any) -> np.ndarray:
             return np.array(system.GetObjectOutputBody(bodies[body], kind, [float(x) for x in point]))
 
@@ -86,7 +86,7 @@ def once(known: Known, step: float, full: bool, look: bool) -> list[Seen] | None
             marker = system.GetMarker(system.GetObject(made)["markerNumbers"][0])
             axes = turn(m.joints[name].parent) @ np.array(marker["localHT"])[:3, :3]
             forces[name] = -axes @ np.array(system.GetObjectOutput(made, kinds.ForceLocal))
-        return Seen(
+        return Reading(
             {
                 name: (of(name, kinds.Position, (0, 0, 0)), turn(name), of(name, kinds.Velocity, body.com),
                        of(name, kinds.AngularVelocity, body.com))

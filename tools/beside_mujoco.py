@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
-from beside import BENNETT, EVERY, FOUR_BAR, Known, Seen, asked, reported
+from beside import BENNETT, EVERY, FOUR_BAR, Known, Reading, asked, reported
 
 STEPS = (2e-3, 1e-4)
 STIFF = (0.9999, 0.99999, 1e-6, 0.5, 2.0)  # solimp
@@ -24,7 +24,7 @@ def main() -> None:
                 reported(known, "MuJoCo", settings, partial(once, known, step, stiff))
 
 
-def once(known: Known, step: float, stiff: bool, look: bool) -> list[Seen]:
+def once(known: Known, step: float, stiff: bool, look: bool) -> list[Reading]:
     """One run, from the file that Partita writes."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "mechanism.mjcf"
@@ -58,7 +58,7 @@ def moving(known: Known, joint: str) -> tuple[np.ndarray, np.ndarray]:
     return at.position, at.velocity
 
 
-def shown(known: Known, model: mujoco.MjModel, data: mujoco.MjData, turns: dict[str, np.ndarray]) -> Seen:
+def shown(known: Known, model: mujoco.MjModel, data: mujoco.MjData, turns: dict[str, np.ndarray]) -> Reading:
     """Bodies at a state; it gives no forces of joints."""
     bodies = {}
     for name, body in known.mechanism.bodies.items():
@@ -66,7 +66,7 @@ def shown(known: Known, model: mujoco.MjModel, data: mujoco.MjData, turns: dict[
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, at.id, speed, 0)
         rotation = at.xmat.reshape(3, 3) @ turns[name]
         bodies[name] = (at.xipos - rotation @ np.array(body.com), rotation, speed[3:], speed[:3])
-    return Seen(bodies, {})
+    return Reading(bodies, {})
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from beside import BENNETT, EVERY, FOUR_BAR, Hinge, Known, Seen, asked, reported, tree
+from beside import BENNETT, EVERY, FOUR_BAR, Hinge, Known, Reading, asked, reported, tree
 from scipy.integrate import solve_ivp
 
 # As its example of a four-bar has them: gain of the corrector, accuracy and rounds of the proximal solver, its
@@ -89,7 +89,7 @@ class Chain:
         zero = np.zeros(self.model.nv)
         return pin.constraintDynamics(self.model, self.data, q, v, zero, self.closings, self.founds, self.settings)
 
-    def seen(self, q: np.ndarray, v: np.ndarray) -> Seen:
+    def seen(self, q: np.ndarray, v: np.ndarray) -> Reading:
         """Bodies and forces at a state."""
         m, run = self.known.mechanism, self.known.run
         a = self.acceleration(q, v)
@@ -117,13 +117,13 @@ class Chain:
         for name, (joint, sign) in self.signs.items():
             force = world.linear if joint < 0 else self.data.oMi[joint].act(self.data.f[joint]).linear
             forces[name] = sign * np.array(force)
-        return Seen(bodies, forces)
+        return Reading(bodies, forces)
 
 
-def euler(known: Known, kind: str, regularisation: float, step: float, look: bool) -> list[Seen] | None:
+def euler(known: Known, kind: str, regularisation: float, step: float, look: bool) -> list[Reading] | None:
     """Its example's steps: velocities first, positions by the new ones."""
     chain = Chain(known, kind, regularisation)
-    q, v, seen = chain.q, chain.v, list[Seen]()
+    q, v, seen = chain.q, chain.v, list[Reading]()
     every = round(EVERY / step)
     for i in range(round(known.case.seconds / step) + 1):
         if np.abs(v).max() > WILD:
@@ -135,7 +135,7 @@ def euler(known: Known, kind: str, regularisation: float, step: float, look: boo
     return seen
 
 
-def adaptive(known: Known, kind: str, look: bool) -> list[Seen] | None:
+def adaptive(known: Known, kind: str, look: bool) -> list[Reading] | None:
     """SciPy's method of order eight, to the tolerances of Partita's run."""
     chain = Chain(known, kind, REGULARISATION)
     n = chain.model.nv

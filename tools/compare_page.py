@@ -53,7 +53,7 @@ def main() -> None:
 
 
 @dataclass(frozen=True)
-class Asked:
+class CompareCase:
     """A table: a mechanism with its start, and the arguments of `compare`."""
 
     name: str
@@ -91,18 +91,18 @@ def rod() -> Mechanism:
 
 
 TABLES = {
-    "four-bar": Asked("four-bar"),
-    "reference-four-bar": Asked("reference-four-bar", "absolute"),
-    "rod-pendulum": Asked("rod-pendulum", "absolute", duration=5.0, mechanism=rod),
-    "three-rrr": Asked("three-rrr", duration=3.0),
-    "rssr": Asked("rssr"),
-    "n-four-bar": Asked("n-four-bar", stabilised=False),
-    "andrews-squeezer": Asked("andrews-squeezer"),
-    "bennett": Asked("bennett", duration=2.0),
-    "bricard": Asked("bricard", duration=2.0),
-    "exechon-like": Asked("exechon-like", duration=2.0),
-    "scissor-lift": Asked("scissor-lift", duration=2.0),
-    "delta": Asked("delta", duration=2.0),
+    "four-bar": CompareCase("four-bar"),
+    "reference-four-bar": CompareCase("reference-four-bar", "absolute"),
+    "rod-pendulum": CompareCase("rod-pendulum", "absolute", duration=5.0, mechanism=rod),
+    "three-rrr": CompareCase("three-rrr", duration=3.0),
+    "rssr": CompareCase("rssr"),
+    "n-four-bar": CompareCase("n-four-bar", stabilised=False),
+    "andrews-squeezer": CompareCase("andrews-squeezer"),
+    "bennett": CompareCase("bennett", duration=2.0),
+    "bricard": CompareCase("bricard", duration=2.0),
+    "exechon-like": CompareCase("exechon-like", duration=2.0),
+    "scissor-lift": CompareCase("scissor-lift", duration=2.0),
+    "delta": CompareCase("delta", duration=2.0),
 }
 
 

@@ -32,7 +32,9 @@ WHOLE = {
     "broken": "invalid", "words_rs": "messages", "Place": "say of what", "Push": "PointForce",
     "Acts": "ForceApplication", "Stand": "RepairedModel", "Walk": "say what it does", "corners_rs": "discontinuities",
     "Freedom": "degree of freedom", "Tell": "report", "said": "arguments, remark, message, report",
-    "places": "positions, points, indices",
+    "places": "positions, points, indices", "Room": "scratch", "Asked": "say of what", "Given": "say of what",
+    "Found": "say of what", "Seen": "say of what", "Looked": "examined", "Kept": "stored, log", "Others": "say of what",
+    "Noted": "recorded", "Everything": "all", "Left": "say of what",
 }  # fmt: skip
 """Words that a name may not consist of; `_rs` stands for a file."""
 

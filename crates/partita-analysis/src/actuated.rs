@@ -16,7 +16,7 @@
 //! after set-up nothing is allocated.
 
 use crate::error::AnalysisError;
-use crate::inverse::{Inverse, Room};
+use crate::inverse::{Inverse, InverseScratch};
 use crate::plausibility::idle;
 use partita_math::dense;
 use partita_math::tolerance;
@@ -30,7 +30,7 @@ use std::sync::Arc;
 /// Memory for the equations of a mechanism in the rates of its actuators.
 pub struct Actuated {
     inverse: Arc<Inverse>,
-    room: Room,
+    memory: InverseScratch,
     /// Degrees of freedom, those included that need no actuator.
     all: usize,
     /// The mechanism without gravity, once it was needed.
@@ -84,15 +84,16 @@ impl Actuated {
             );
             return Err(AnalysisError::Argument { argument: "actuators", message });
         }
-        let mut room = inverse.room(rank);
-        start::choose_partition(&mut room.reduction, t, q, None, None)?;
-        inverse.columns(t, q, &mut room)?;
+        let mut memory = inverse.memory(rank);
+        start::choose_partition(&mut memory.reduction, t, q, None, None)?;
+        inverse.columns(t, q, &mut memory)?;
         // an actuator that acts on nothing has no scale, and is found to be singular
-        let lengths = inverse.lengths2(t, q, &mut room)?.into_iter().map(|x| x.sqrt().max(f64::MIN_POSITIVE)).collect();
+        let lengths =
+            inverse.lengths2(t, q, &mut memory)?.into_iter().map(|x| x.sqrt().max(f64::MIN_POSITIVE)).collect();
         let rows = vec![0.0; inverse.actuated().size().rows];
         Ok(Self {
             inverse,
-            room,
+            memory,
             all,
             light: None,
             b: vec![0.0; all * s],
@@ -116,7 +117,7 @@ impl Actuated {
 
     /// w = Eᵀ v at the position of the last `evaluate`.
     pub fn rates(&self, v: &[f64]) -> Vec<f64> {
-        self.room.columns.iter().map(|column| column.iter().map(|&(i, e)| e * v[i]).sum()).collect()
+        self.memory.columns.iter().map(|column| column.iter().map(|&(i, e)| e * v[i]).sum()).collect()
     }
 
     /// R, σ, M_a and c at (t, q, v), v as the constraints allow.
@@ -126,21 +127,21 @@ impl Actuated {
     pub fn evaluate(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), AnalysisError> {
         let (inverse, k) = (self.inverse.clone(), self.pivots.len());
         if !inverse.is_constant() {
-            inverse.columns(t, q, &mut self.room)?;
+            inverse.columns(t, q, &mut self.memory)?;
         }
         if self.all > k {
             return self.beside_idle(t, q, v);
         }
-        let r = &mut self.room.reduction;
+        let r = &mut self.memory.reduction;
         r.position(t, q)?;
         match r.tangent(t) {
             // the coordinates chosen elsewhere do not serve here; others may
             Err(SystemError::Singular { .. }) => start::choose_partition(r, t, q, None, None)?,
             other => other?,
         }
-        actuation::reduced(&r.dt, k, self.room.columns.iter().map(Vec::as_slice), &mut self.b);
+        actuation::reduced(&r.dt, k, self.memory.columns.iter().map(Vec::as_slice), &mut self.b);
         self.factor(t)?;
-        let r = &mut self.room.reduction;
+        let r = &mut self.memory.reduction;
         // Bᵀ u = w: B times a row of R is a row of Dᵀ
         let (scales, n) = (r.scales(), self.drift.len());
         for (j, (row, &i)) in self.sides.chunks_exact_mut(n).zip(&r.partition.independent).enumerate() {
@@ -153,7 +154,7 @@ impl Actuated {
         r.v.copy_from_slice(v);
         r.velocity(t, q)?;
         self.accelerate(t, q, v)?;
-        let r = &mut self.room.reduction;
+        let r = &mut self.memory.reduction;
         for ((x, delta), row) in self.drift.iter_mut().zip(&r.delta).zip(self.ratios.chunks_exact(k)) {
             *x = delta + dense::dot(row, &self.column);
         }
@@ -169,10 +170,10 @@ impl Actuated {
         if inverse.is_constant() {
             self.column.fill(0.0);
         } else {
-            inverse.biases((t, q, v), &mut self.room, &mut self.rows, &mut self.column)?;
+            inverse.biases((t, q, v), &mut self.memory, &mut self.rows, &mut self.column)?;
         }
-        let delta = &self.room.reduction.delta;
-        for (x, column) in self.column.iter_mut().zip(&self.room.columns) {
+        let delta = &self.memory.reduction.delta;
+        for (x, column) in self.column.iter_mut().zip(&self.memory.columns) {
             *x = column.iter().fold(-*x, |x, &(i, e)| x - e * delta[i]);
         }
         Ok(())
@@ -181,7 +182,7 @@ impl Actuated {
     /// [`evaluate`](Self::evaluate) where rotations need no actuator.
     fn beside_idle(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<(), AnalysisError> {
         let (all, k) = (self.all, self.pivots.len());
-        let r = &mut self.room.reduction;
+        let r = &mut self.memory.reduction;
         for attempt in 0..2 {
             for (x, &i) in self.sides.iter_mut().zip(&r.partition.independent) {
                 *x = v[i];
@@ -194,9 +195,9 @@ impl Actuated {
                 }
             }
         }
-        actuation::reduced(&r.dt, all, self.room.columns.iter().map(Vec::as_slice), &mut self.b);
+        actuation::reduced(&r.dt, all, self.memory.columns.iter().map(Vec::as_slice), &mut self.b);
         self.accelerate(t, q, v)?;
-        let r = &self.room.reduction;
+        let r = &self.memory.reduction;
         // M_d⁻¹ B, column by column
         for (j, side) in self.sides.chunks_exact_mut(all).take(k).enumerate() {
             side.iter_mut().zip(self.b[j..].iter().step_by(k)).for_each(|(x, b)| *x = *b);
@@ -273,13 +274,13 @@ impl Actuated {
     /// # Errors
     /// Where the position is singular.
     pub fn margin(&mut self, t: f64, q: &[f64]) -> Result<f64, AnalysisError> {
-        Ok(self.inverse.set(t, q, &mut self.room)?.margin())
+        Ok(self.inverse.set(t, q, &mut self.memory)?.margin())
     }
 
     /// Factor B in natural scales.
     fn factor(&mut self, t: f64) -> Result<(), AnalysisError> {
         let k = self.pivots.len();
-        let r = &self.room.reduction;
+        let r = &self.memory.reduction;
         for (row, &i) in self.b.chunks_exact_mut(k).zip(&r.partition.independent) {
             row.iter_mut().zip(&self.lengths).for_each(|(x, length)| *x *= r.scales()[i] / length);
         }

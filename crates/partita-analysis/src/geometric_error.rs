@@ -6,7 +6,7 @@ use partita_math::spatial::Vec3;
 use partita_math::tolerance;
 use partita_model::joint::Motion;
 use partita_model::spec::LARGEST_TOLERANCE;
-use partita_model::{Geometry, Model, Verdict};
+use partita_model::{BlockDecision, Geometry, Model};
 use std::collections::BTreeSet;
 
 /// Of the joints that are off, those off by more are named. Scale: fraction of the worst. Reason: the others follow
@@ -48,7 +48,7 @@ fn sentences(drawn: &Model, geometry: &Geometry) -> Vec<String> {
     let mut found: Vec<String> = Vec::new();
     let Ok(space) = drawn.in_space() else { return found };
     let pose = Pose::new(&space, 0.0, &space.initial());
-    for block in geometry.blocks.iter().filter(|x| x.verdict == Verdict::Repaired) {
+    for block in geometry.blocks.iter().filter(|x| x.verdict == BlockDecision::Repaired) {
         let joints: BTreeSet<usize> = block.joints.iter().copied().collect();
         let mut all = out_of_parallel(&pose, &joints);
         let worst = block.changed.iter().zip(&block.joints).max_by(|a, b| a.0.total_cmp(b.0));

@@ -73,7 +73,7 @@ pub enum Gap {
 
 /// Efforts over the instants of a motion, row by row.
 #[derive(Clone, Debug, Default)]
-pub struct Found {
+pub struct Efforts {
     /// τ (s).
     pub efforts: Vec<f64>,
     /// λ of the actuated model.
@@ -125,7 +125,7 @@ pub struct Inverse {
 }
 
 /// Memory of a thread.
-pub(crate) struct Room {
+pub(crate) struct InverseScratch {
     pub(crate) reduction: Reduction<'static, Model>,
     scratch: ModelScratch,
     phi: Vec<f64>,
@@ -234,10 +234,10 @@ impl Inverse {
         &self.actuated
     }
 
-    pub(crate) fn room(&self, rank: usize) -> Room {
+    pub(crate) fn memory(&self, rank: usize) -> InverseScratch {
         let (size, n) = (self.actuated.size(), self.released.size().nv);
         let k = n - rank;
-        Room {
+        InverseScratch {
             reduction: Reduction::dense(self.released.clone(), rank),
             scratch: self.actuated.scratch(),
             phi: vec![0.0; size.holonomic],
@@ -269,17 +269,17 @@ impl Inverse {
     }
 
     /// E at (t, q), left in the memory with the factors of each actuator.
-    pub(crate) fn columns(&self, t: f64, q: &[f64], room: &mut Room) -> Result<(), SystemError> {
+    pub(crate) fn columns(&self, t: f64, q: &[f64], memory: &mut InverseScratch) -> Result<(), SystemError> {
         let pattern = self.actuated.pattern();
         if self.turning {
-            self.actuated.look(q, &room.still, &mut room.scratch);
+            self.actuated.look(q, &memory.still, &mut memory.scratch);
         }
-        self.actuated.position(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
-        for ((lever, factors), column) in self.levers.iter().zip(&mut room.factors).zip(&mut room.columns) {
-            *factors = self.factors(lever, &room.scratch);
+        self.actuated.position(t, q, &mut memory.scratch, &mut memory.phi, &mut memory.c, &mut memory.a)?;
+        for ((lever, factors), column) in self.levers.iter().zip(&mut memory.factors).zip(&mut memory.columns) {
+            *factors = self.factors(lever, &memory.scratch);
             column.clear();
             for (&row, factor) in lever.rows.iter().zip(factors) {
-                column.extend(pattern.row(row).map(|e| (pattern.col_idx[e], *factor * room.c[e])));
+                column.extend(pattern.row(row).map(|e| (pattern.col_idx[e], *factor * memory.c[e])));
             }
         }
         Ok(())
@@ -290,10 +290,10 @@ impl Inverse {
     /// # Errors
     /// Where the model cannot be evaluated.
     pub fn columns_at(&self, t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
-        let (mut room, n) = (self.room(0), self.released.size().nv);
-        self.columns(t, q, &mut room)?;
-        let mut all = vec![0.0; n * room.columns.len()];
-        for (row, column) in all.chunks_exact_mut(n).zip(&room.columns) {
+        let (mut memory, n) = (self.memory(0), self.released.size().nv);
+        self.columns(t, q, &mut memory)?;
+        let mut all = vec![0.0; n * memory.columns.len()];
+        for (row, column) in all.chunks_exact_mut(n).zip(&memory.columns) {
             column.iter().for_each(|&(i, x)| row[i] += x);
         }
         Ok(all)
@@ -304,22 +304,22 @@ impl Inverse {
     pub(crate) fn biases(
         &self,
         (t, q, v): (f64, &[f64], &[f64]),
-        room: &mut Room,
+        memory: &mut InverseScratch,
         b: &mut [f64],
         out: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.actuated.velocity(t, q, v, &mut room.scratch, b)?;
+        self.actuated.velocity(t, q, v, &mut memory.scratch, b)?;
         if self.turning {
-            self.actuated.look(q, v, &mut room.scratch);
+            self.actuated.look(q, v, &mut memory.scratch);
         }
         let pattern = self.actuated.pattern();
-        for ((lever, factors), x) in self.levers.iter().zip(&room.factors).zip(out) {
+        for ((lever, factors), x) in self.levers.iter().zip(&memory.factors).zip(out) {
             *x = lever.rows.iter().zip(factors).map(|(&row, factor)| factor * b[row]).sum();
             if let Some((body, _)) = lever.axis {
                 // the axis turns with its body
-                let turned = self.actuated.body_state(body, &room.scratch).angular_velocity.cross(Vec3(*factors)).0;
+                let turned = self.actuated.body_state(body, &memory.scratch).angular_velocity.cross(Vec3(*factors)).0;
                 for (&row, factor) in lever.rows.iter().zip(turned) {
-                    *x += factor * pattern.row(row).map(|e| room.c[e] * v[pattern.col_idx[e]]).sum::<f64>();
+                    *x += factor * pattern.row(row).map(|e| memory.c[e] * v[pattern.col_idx[e]]).sum::<f64>();
                 }
             }
         }
@@ -327,30 +327,30 @@ impl Inverse {
     }
 
     /// |k_s|² of each actuator at the positions of the last `columns`, with all joints open.                (19)
-    pub(crate) fn lengths2(&self, t: f64, q: &[f64], room: &mut Room) -> Result<Vec<f64>, SystemError> {
-        self.actuated.look(q, &room.still, &mut room.scratch);
+    pub(crate) fn lengths2(&self, t: f64, q: &[f64], memory: &mut InverseScratch) -> Result<Vec<f64>, SystemError> {
+        self.actuated.look(q, &memory.still, &mut memory.scratch);
         let length2 = |(lever, factors): (&Lever, &[f64; 3])| {
             let rows = lever.rows.iter().zip(factors).map(|(&row, factor)| (Along::Row(row), *factor));
-            self.freed.length2(&self.actuated, (t, q), &room.scratch, rows)
+            self.freed.length2(&self.actuated, (t, q), &memory.scratch, rows)
         };
-        self.levers.iter().zip(&room.factors).map(length2).collect()
+        self.levers.iter().zip(&memory.factors).map(length2).collect()
     }
 
     /// The set at (t, q): B and its margin, with the choice of coordinates left in the reduction.
-    pub(crate) fn set(&self, t: f64, q: &[f64], room: &mut Room) -> Result<Actuation, AnalysisError> {
-        self.columns(t, q, room)?;
-        start::choose_partition(&mut room.reduction, t, q, None, None)?;
-        let lengths2 = self.lengths2(t, q, room)?;
-        let r = &mut room.reduction;
+    pub(crate) fn set(&self, t: f64, q: &[f64], memory: &mut InverseScratch) -> Result<Actuation, AnalysisError> {
+        self.columns(t, q, memory)?;
+        start::choose_partition(&mut memory.reduction, t, q, None, None)?;
+        let lengths2 = self.lengths2(t, q, memory)?;
+        let r = &mut memory.reduction;
         let k = r.k();
-        r.system.velocity(t, q, &room.still, &mut r.scratch, &mut r.b)?;
-        let tangent = Tangent { k, dt: &r.dt, delta: &room.still };
-        r.system.project(t, q, &room.still, &tangent, &mut r.scratch, &mut room.md, &mut room.hd)?;
-        let d: Vec<Vec<f64>> = (0..k).map(|c| (0..room.still.len()).map(|i| r.dt[i * k + c]).collect()).collect();
-        self.freed.add_lacking(&self.actuated, q, &d, &mut room.scratch, &mut room.md);
-        let mut b = Matrix::new(k, room.columns.len());
-        actuation::reduced(&r.dt, k, room.columns.iter().map(Vec::as_slice), b.data_mut());
-        Ok(Actuation::new(b, &room.md, &lengths2).map_err(|e| match e {
+        r.system.velocity(t, q, &memory.still, &mut r.scratch, &mut r.b)?;
+        let tangent = Tangent { k, dt: &r.dt, delta: &memory.still };
+        r.system.project(t, q, &memory.still, &tangent, &mut r.scratch, &mut memory.md, &mut memory.hd)?;
+        let d: Vec<Vec<f64>> = (0..k).map(|c| (0..memory.still.len()).map(|i| r.dt[i * k + c]).collect()).collect();
+        self.freed.add_lacking(&self.actuated, q, &d, &mut memory.scratch, &mut memory.md);
+        let mut b = Matrix::new(k, memory.columns.len());
+        actuation::reduced(&r.dt, k, memory.columns.iter().map(Vec::as_slice), b.data_mut());
+        Ok(Actuation::new(b, &memory.md, &lengths2).map_err(|e| match e {
             Some((i, pivot)) => SystemError::Mass { name: r.system.velocity_name(r.partition.independent[i]), pivot },
             None => SystemError::NotFinite { what: "the effect of the actuators".into(), t },
         })?)
@@ -385,7 +385,7 @@ impl Inverse {
         vdot: &[f64],
         by: &Distribution,
         watch: Watch,
-    ) -> Result<Found, AnalysisError> {
+    ) -> Result<Efforts, AnalysisError> {
         let rank = self.rank(states)?;
         let (n, s, rows) = (self.released.size().nv, self.levers.len(), self.actuated.size().rows);
         let k = n - rank;
@@ -397,7 +397,7 @@ impl Inverse {
         // rotations that move nothing else, and have no actuator
         let spins = s < k && k - s <= self.idle;
         let widths = [s, rows, 1, 1, s * spare, 1, 1, FITS, s, n];
-        let row = |i: usize, room: &mut Room, out: &mut Rows| {
+        let row = |i: usize, memory: &mut InverseScratch, out: &mut Rows| {
             let (t, q, v) = states.at(&self.released, i);
             let vdot = &vdot[i * n..][..n];
             out.row(9, i).copy_from_slice(vdot);
@@ -410,7 +410,7 @@ impl Inverse {
                 gap(Gap::Motion);
                 return Ok(());
             }
-            let set = match self.set(t, q, room) {
+            let set = match self.set(t, q, memory) {
                 Ok(found) => found,
                 Err(AnalysisError::System(SystemError::Singular { .. } | SystemError::SingularStart { .. })) => {
                     gap(Gap::Constraints);
@@ -418,25 +418,25 @@ impl Inverse {
                 }
                 Err(e) => return Err(e),
             };
-            for (rate, column) in out.row(8, i).iter_mut().zip(&room.columns) {
+            for (rate, column) in out.row(8, i).iter_mut().zip(&memory.columns) {
                 *rate = column.iter().map(|&(j, e)| e * v[j]).sum();
             }
-            self.fit((t, q, v, vdot), room, out.row(7, i))?;
+            self.fit((t, q, v, vdot), memory, out.row(7, i))?;
             out.row(2, i)[0] = set.margin();
             out.row(6, i)[0] = set.weakest().map_or(0.0, |x| x.0 as f64);
             if !set.is_regular() {
                 out.row(5, i)[0] = f64::from(Gap::Actuators as u8);
                 return Ok(());
             }
-            let r = &mut room.reduction;
+            let r = &mut memory.reduction;
             // −D h, and D (M v' − h)
             let mut along = |vdot: &[f64]| {
-                r.system.inverse_dynamics(t, q, v, vdot, &mut r.scratch, &mut room.residual)?;
+                r.system.inverse_dynamics(t, q, v, vdot, &mut r.scratch, &mut memory.residual)?;
                 let mut sum = vec![0.0; k];
-                room.residual.iter().zip(r.dt.chunks_exact(k)).for_each(|(x, d)| dense::axpy(*x, d, &mut sum));
+                memory.residual.iter().zip(r.dt.chunks_exact(k)).for_each(|(x, d)| dense::axpy(*x, d, &mut sum));
                 Ok::<_, SystemError>(sum)
             };
-            let (applied, mut needed) = (along(&room.still)?, along(vdot)?);
+            let (applied, mut needed) = (along(&memory.still)?, along(vdot)?);
             let inertial: Vec<f64> = needed.iter().zip(&applied).map(|(x, y)| x - y).collect();
             let overflow = |_| SystemError::NotFinite { what: "an effort".into(), t };
             let preload = &by.preload[i * s..][..s];
@@ -447,7 +447,7 @@ impl Inverse {
             if spins {
                 // they go on as they will: M_d du' = B τ − τ_d
                 let mut du: Vec<f64> = set.b().matvec(&tau).iter().zip(&needed).map(|(x, y)| x - y).collect();
-                let mut l = room.md.clone();
+                let mut l = memory.md.clone();
                 factor::cholesky_large(&mut l, k).map_err(overflow)?;
                 dense::cholesky_solve(&l, k, &mut du);
                 let moved = out.row(9, i);
@@ -459,10 +459,10 @@ impl Inverse {
             if spare > 0 {
                 out.row(4, i).copy_from_slice(set.null_space(&by.weights).map_err(overflow)?.data());
             }
-            self.multipliers(&tau, room, out.row(1, i));
+            self.multipliers(&tau, memory, out.row(1, i));
             Ok::<(), AnalysisError>(())
         };
-        let found = tables(states.len(), &widths, chunk_of(&self.released), || self.room(rank), row, watch)?;
+        let found = tables(states.len(), &widths, chunk_of(&self.released), || self.memory(rank), row, watch)?;
         let mut found = found.into_iter();
         let mut next = || found.next().unwrap_or_default();
         let (efforts, multipliers, margin, remainder) = (next(), next(), next(), next());
@@ -475,21 +475,21 @@ impl Inverse {
         let gaps =
             gaps.iter().map(|x| [Gap::None, Gap::Constraints, Gap::Actuators, Gap::Motion][*x as usize]).collect();
         let weakest = least.map(|i| (i, weakest[i] as usize));
-        Ok(Found { efforts, multipliers, margin, remainder, null_space, rates, vdot, k, gaps, weakest })
+        Ok(Efforts { efforts, multipliers, margin, remainder, null_space, rates, vdot, k, gaps, weakest })
     }
 
     /// λ of the actuated model: efforts in the rows of actuators, and `C_Dᵀ λ = (M v' − h − E τ)_D`.          (R1)
-    fn multipliers(&self, tau: &[f64], room: &mut Room, out: &mut [f64]) {
+    fn multipliers(&self, tau: &[f64], memory: &mut InverseScratch, out: &mut [f64]) {
         out.fill(0.0);
-        for ((lever, factors), tau) in self.levers.iter().zip(&room.factors).zip(tau) {
+        for ((lever, factors), tau) in self.levers.iter().zip(&memory.factors).zip(tau) {
             lever.rows.iter().zip(factors).for_each(|(&row, factor)| out[row] += factor * tau);
         }
-        for (column, tau) in room.columns.iter().zip(tau) {
-            column.iter().for_each(|&(i, e)| room.residual[i] -= e * tau);
+        for (column, tau) in memory.columns.iter().zip(tau) {
+            column.iter().for_each(|&(i, e)| memory.residual[i] -= e * tau);
         }
-        let partition = &room.reduction.partition;
-        let mut lambda: Vec<f64> = partition.dependent.iter().map(|&i| room.residual[i]).collect();
-        room.reduction.solve_transposed(&mut lambda);
+        let partition = &memory.reduction.partition;
+        let mut lambda: Vec<f64> = partition.dependent.iter().map(|&i| memory.residual[i]).collect();
+        memory.reduction.solve_transposed(&mut lambda);
         partition.rows.iter().zip(lambda).for_each(|(&row, x)| out[self.rows[row]] = x);
     }
 
@@ -497,10 +497,10 @@ impl Inverse {
     fn fit(
         &self,
         (t, q, v, vdot): (f64, &[f64], &[f64], &[f64]),
-        room: &mut Room,
+        memory: &mut InverseScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
-        let r = &mut room.reduction;
+        let r = &mut memory.reduction;
         r.v.copy_from_slice(v);
         r.velocity(t, q)?;
         let (fastest, strongest) = (r.fastest(), r.strongest(vdot));

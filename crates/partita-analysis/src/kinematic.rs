@@ -89,14 +89,14 @@ pub struct Rates {
 }
 
 /// Rates of the goals at one pose.
-struct Room<'g, 'm> {
+struct RateScratch<'g, 'm> {
     model: &'m Model,
     targets: &'g [Target],
     dofs: Vec<Option<DegreeOfFreedom>>,
     reduction: Reduction<'g, Geometry<'m>>,
     scratch: ModelScratch,
     scales: Vec<f64>,
-    room: Vec<f64>,
+    memory: Vec<f64>,
     /// Orthonormal basis of the motions in natural scales (k rows of n).
     base: Vec<Vec<f64>>,
     /// Rates of the goals by scaled velocities, each of length 1 (rows of n), and their lengths.
@@ -111,7 +111,7 @@ struct Row<'r> {
     ratios: &'r mut [f64],
 }
 
-impl<'g, 'm> Room<'g, 'm> {
+impl<'g, 'm> RateScratch<'g, 'm> {
     fn new(
         model: &'m Model,
         geometry: &'g Geometry<'m>,
@@ -127,7 +127,7 @@ impl<'g, 'm> Room<'g, 'm> {
             reduction: Reduction::dense(geometry, rank),
             scratch: model.scratch(),
             scales: geometry.scales(),
-            room: vec![0.0; n],
+            memory: vec![0.0; n],
             base: Vec::new(),
             rows: Vec::new(),
             lengths: Vec::new(),
@@ -159,7 +159,7 @@ impl<'g, 'm> Room<'g, 'm> {
         self.lengths.clear();
         for x in self.targets {
             let (mut row, mut at) = (vec![0.0; n], x.velocities.iter());
-            x.rates(self.model, q, &mut self.room, &mut self.scratch, |g| {
+            x.rates(self.model, q, &mut self.memory, &mut self.scratch, |g| {
                 if let Some(&i) = at.next() {
                     row[i] = g * self.scales[i];
                 }
@@ -311,13 +311,13 @@ pub fn rates(
     let needed = all - idle;
     let dofs: Vec<_> = targets.iter().map(|x| x.degree_of_freedom(model)).collect::<Result<_, _>>()?;
     let widths = [size.nv, size.nv, size.nv * w, 4];
-    let one = |i: usize, room: &mut Room, rows: &mut Rows| {
+    let one = |i: usize, memory: &mut RateScratch, rows: &mut Rows| {
         let (mut v, mut vdot) = (vec![f64::NAN; size.nv], vec![f64::NAN; size.nv]);
         let mut ratios = vec![0.0; size.nv * w];
         let of = |x| <[f64]>::get(x, i * w..(i + 1) * w).unwrap_or_default();
         let mut row = Row { v: &mut v, vdot: &mut vdot, ratios: &mut ratios };
         let there = (t, &q[i * size.nq..][..size.nq]);
-        let (found, margin, missed) = room.pose(there, (of(rates), of(accelerations)), needed, &mut row)?;
+        let (found, margin, missed) = memory.pose(there, (of(rates), of(accelerations)), needed, &mut row)?;
         if matches!(found, Determined::Open | Determined::Singular) {
             ratios.fill(f64::NAN);
         }
@@ -329,8 +329,8 @@ pub fn rates(
         Ok(())
     };
     let chunk = if model.calls_functions() { usize::MAX } else { 1 };
-    let room = || Room::new(model, &geometry, size.nv - all, targets, dofs.clone());
-    let mut tables = tables(count, &widths, chunk, room, one, watch)?.into_iter();
+    let memory = || RateScratch::new(model, &geometry, size.nv - all, targets, dofs.clone());
+    let mut tables = tables(count, &widths, chunk, memory, one, watch)?.into_iter();
     let mut next = || tables.next().unwrap_or_default();
     let mut found = Rates { v: next(), vdot: next(), ratios: next(), ..Rates::default() };
     for x in next().chunks(4) {

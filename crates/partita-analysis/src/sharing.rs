@@ -15,7 +15,7 @@
 
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, lifted, Geometry, GeometryScratch};
-use crate::stress::{Balance, BalanceRoom, Pose, Stress};
+use crate::stress::{Balance, BalanceScratch, Pose, Stress};
 use partita_math::dense::Matrix;
 use partita_math::elimination::Pattern;
 use partita_math::factor;
@@ -48,14 +48,14 @@ pub struct Sharing<'g, 'm> {
 }
 
 /// Scratch memory shared by positions.
-pub struct Room<'m> {
+pub struct SharingScratch<'m> {
     model: ModelScratch,
     pose: Pose<'m>,
     geometry: GeometryScratch,
     phi: Vec<f64>,
     c: Vec<f64>,
     a: Vec<f64>,
-    balance: Option<BalanceRoom>,
+    balance: Option<BalanceScratch>,
     stresses: Vec<Stress>,
     rows: Rows,
     solver: Option<(Pattern, LeastNorm)>,
@@ -90,16 +90,16 @@ impl<'g, 'm> Sharing<'g, 'm> {
     }
 
     /// Scratch memory of one thread.
-    pub fn room(&self) -> Room<'m> {
+    pub fn memory(&self) -> SharingScratch<'m> {
         let (model, rows) = (self.system.model, self.system.size().rows);
-        Room {
+        SharingScratch {
             model: model.scratch(),
             pose: Pose::new(model, 0.0, &model.initial()),
             geometry: self.system.scratch(),
             phi: vec![0.0; rows],
             c: vec![0.0; self.system.pattern().nnz()],
             a: vec![0.0; rows],
-            balance: self.balance.as_ref().map(|(balance, _)| balance.room()),
+            balance: self.balance.as_ref().map(|(balance, _)| balance.memory()),
             stresses: Vec::new(),
             rows: Rows::default(),
             solver: None,
@@ -112,19 +112,19 @@ impl<'g, 'm> Sharing<'g, 'm> {
     }
 
     /// The self-stresses at a position, left in the scratch memory.
-    fn stresses(&self, t: f64, q: &[f64], room: &mut Room) -> Result<(), AnalysisError> {
-        room.pose.move_to(t, q);
-        if let (Some((balance, limit)), Some(own)) = (&self.balance, &mut room.balance) {
-            self.system.position(t, q, &mut room.geometry, &mut room.phi, &mut room.c, &mut room.a)?;
-            self.system.restore(balance.dropped(), &room.geometry, &mut room.c);
-            if balance.stresses_into(&room.pose, &room.c, own, &mut room.stresses)
-                && room.stresses.iter().all(|s| s.unbalanced <= tolerance::CLEARLY * limit)
+    fn stresses(&self, t: f64, q: &[f64], memory: &mut SharingScratch) -> Result<(), AnalysisError> {
+        memory.pose.move_to(t, q);
+        if let (Some((balance, limit)), Some(own)) = (&self.balance, &mut memory.balance) {
+            self.system.position(t, q, &mut memory.geometry, &mut memory.phi, &mut memory.c, &mut memory.a)?;
+            self.system.restore(balance.dropped(), &memory.geometry, &mut memory.c);
+            if balance.stresses_into(&memory.pose, &memory.c, own, &mut memory.stresses)
+                && memory.stresses.iter().all(|s| s.unbalanced <= tolerance::CLEARLY * limit)
             {
                 return Ok(());
             }
         }
         let start = rank_here(self.system, t, q)?;
-        room.stresses = crate::stress::stresses(self.system, &room.pose, &start, t, q)?;
+        memory.stresses = crate::stress::stresses(self.system, &memory.pose, &start, t, q)?;
         Ok(())
     }
 
@@ -137,17 +137,17 @@ impl<'g, 'm> Sharing<'g, 'm> {
         q: &[f64],
         joints: &mut [Wrench],
         mut condition: impl FnMut(usize, f64),
-        room: &mut Room,
+        memory: &mut SharingScratch,
     ) -> Result<(), AnalysisError> {
         let finite = joints.iter().all(|w| w.force.norm().is_finite() && w.moment.norm().is_finite());
         if self.is_idle() || !finite {
             return Ok(());
         }
-        self.stresses(t, q, room)?;
-        if !self.rows(q, room) {
+        self.stresses(t, q, memory)?;
+        if !self.rows(q, memory) {
             return Ok(());
         }
-        let Room { stresses, rows, solver, damping, along, work, y, z, .. } = room;
+        let SharingScratch { stresses, rows, solver, damping, along, work, y, z, .. } = memory;
         let mut first = 0.0;
         for pass in 0..REPETITIONS {
             rows.take(&self.metric, joints, along);
@@ -187,9 +187,9 @@ impl<'g, 'm> Sharing<'g, 'm> {
     }
 
     /// The self-stresses weighed and of length 1, side by side over what they load; false where there are none.
-    fn rows(&self, q: &[f64], room: &mut Room) -> bool {
+    fn rows(&self, q: &[f64], memory: &mut SharingScratch) -> bool {
         let model = self.system.model;
-        let Room { stresses, rows, model: s, .. } = room;
+        let SharingScratch { stresses, rows, model: s, .. } = memory;
         if !self.metric.alike {
             model.look(q, &vec![0.0; model.placed.nv], s);
         }
@@ -273,7 +273,7 @@ pub fn multipliers(
     let given = model.reactions(t, q, v, vdot, lambda, &mut s)?;
     let mut wanted = given.joints.clone();
     with_rule(model, Some((t, q)), |rule| match rule {
-        Some(rule) => rule.share(t, q, &mut wanted, &mut lambda.to_vec(), &mut rule.room()),
+        Some(rule) => rule.share(t, q, &mut wanted, &mut lambda.to_vec(), &mut rule.memory()),
         None => Ok(()),
     })?;
     let length = model.placed.length;
@@ -325,8 +325,8 @@ pub(crate) struct Rule<'a> {
 }
 
 impl<'a> Rule<'a> {
-    pub(crate) fn room(&self) -> Room<'a> {
-        self.sharing.room()
+    pub(crate) fn memory(&self) -> SharingScratch<'a> {
+        self.sharing.memory()
     }
 
     /// See [`Sharing::share`]; of the multipliers `lambda` of the model those of loop closures are unchanged: their
@@ -337,7 +337,7 @@ impl<'a> Rule<'a> {
         q: &[f64],
         joints: &mut [Wrench],
         lambda: &mut [f64],
-        room: &mut Room,
+        memory: &mut SharingScratch,
     ) -> Result<(), AnalysisError> {
         let condition = |row: usize, x: f64| {
             if let Some(own) = self.rows[row] {
@@ -348,9 +348,9 @@ impl<'a> Rule<'a> {
             let (twin, q) = in_space(self.model, q)?;
             let system = Geometry::of_reactions(self.model, &twin);
             let sharing = Sharing::new(&system, t, &q)?;
-            return sharing.share(t, &q, joints, condition, &mut sharing.room());
+            return sharing.share(t, &q, joints, condition, &mut sharing.memory());
         }
-        self.sharing.share(t, &lifted(self.model, self.twin, q), joints, condition, room)
+        self.sharing.share(t, &lifted(self.model, self.twin, q), joints, condition, memory)
     }
 }
 
@@ -381,7 +381,7 @@ mod tests {
         let mut joints = m.reactions(0.0, &q, &v, &i.vdot, &i.multipliers, &mut s).unwrap().joints;
         with_rule::<_, AnalysisError>(m, Some((0.0, &q)), |rule| {
             let rule = rule.expect("something is redundant");
-            rule.share(0.0, &q, &mut joints, &mut i.multipliers.clone(), &mut rule.room())
+            rule.share(0.0, &q, &mut joints, &mut i.multipliers.clone(), &mut rule.memory())
         })
         .unwrap();
         joints
@@ -461,7 +461,7 @@ mod tests {
             let mut joints = own.clone();
             with_rule::<_, AnalysisError>(&m, Some((0.0, &q)), |rule| {
                 let rule = rule.expect("redundant across the plane");
-                rule.share(0.0, &q, &mut joints, &mut i.multipliers.clone(), &mut rule.room())
+                rule.share(0.0, &q, &mut joints, &mut i.multipliers.clone(), &mut rule.memory())
             })
             .unwrap();
             for (x, y) in joints.iter().zip(&own) {

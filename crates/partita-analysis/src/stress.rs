@@ -6,7 +6,7 @@
 
 use crate::error::AnalysisError;
 use crate::geometry::Geometry;
-use partita_math::elimination::{Plan, PlanOptions, SparseRoom};
+use partita_math::elimination::{Plan, PlanOptions, SparseScratch};
 use partita_math::spatial::{Spatial, Vec3};
 use partita_math::tolerance;
 use partita_model::joint::Motion;
@@ -322,22 +322,22 @@ impl<'g, 'm> Balance<'g, 'm> {
     }
 
     /// Scratch memory reused from position to position.
-    pub(crate) fn room(&self) -> BalanceRoom {
-        BalanceRoom {
+    pub(crate) fn memory(&self) -> BalanceScratch {
+        BalanceScratch {
             factors: vec![0.0; self.plan.factor_len()],
-            sparse: SparseRoom::new(self.plan.rank()),
+            sparse: SparseScratch::new(self.plan.rank()),
             few: Vec::new(),
             steps: Vec::new(),
             lambda: Vec::new(),
             of_model: Vec::new(),
             off: vec![0.0; self.system.size().nv],
-            room_of_wrenches: WrenchScratch::new(self.system.model),
+            wrench_scratch: WrenchScratch::new(self.system.model),
         }
     }
 
     /// The multipliers `(row, λ)` that balance one row, itself first, for the factors of C.
-    fn multipliers(&self, row: usize, c: &[f64], room: &mut BalanceRoom) {
-        let BalanceRoom { factors, sparse, few, steps, lambda, .. } = room;
+    fn multipliers(&self, row: usize, c: &[f64], memory: &mut BalanceScratch) {
+        let BalanceScratch { factors, sparse, few, steps, lambda, .. } = memory;
         let pattern = self.system.pattern();
         few.clear();
         few.extend(pattern.row(row).filter_map(|e| self.step_of[pattern.col_idx[e]].map(|step| (step, -c[e]))));
@@ -351,7 +351,7 @@ impl<'g, 'm> Balance<'g, 'm> {
     /// The self-stresses for the values of C at a position; `None` where the elimination is no longer valid.
     pub(crate) fn stresses(&self, pose: &Pose, c: &[f64]) -> Option<Vec<Stress>> {
         let mut found = Vec::new();
-        self.stresses_into(pose, c, &mut self.room(), &mut found).then_some(found)
+        self.stresses_into(pose, c, &mut self.memory(), &mut found).then_some(found)
     }
 
     /// As `stresses`, replacing those `found` before; false where the elimination plan no longer applies.
@@ -359,18 +359,18 @@ impl<'g, 'm> Balance<'g, 'm> {
         &self,
         pose: &Pose,
         c: &[f64],
-        room: &mut BalanceRoom,
+        memory: &mut BalanceScratch,
         found: &mut Vec<Stress>,
     ) -> bool {
         let (pattern, model) = (self.system.pattern(), self.system.model);
         let length = model.placed.size;
-        if self.plan.factor(c, &mut room.factors).is_err() {
+        if self.plan.factor(c, &mut memory.factors).is_err() {
             return false;
         }
         found.resize_with(self.dropped.len(), Stress::default);
         for (&row, stress) in self.dropped.iter().zip(found) {
-            self.multipliers(row, c, room);
-            let BalanceRoom { lambda, off, of_model, room_of_wrenches, .. } = &mut *room;
+            self.multipliers(row, c, memory);
+            let BalanceScratch { lambda, off, of_model, wrench_scratch, .. } = &mut *memory;
             let top = lambda.iter().fold(0.0, |m: f64, &(row, x)| m.max((x * self.unit[row]).abs()));
             lambda.retain(|&(row, x)| (x * self.unit[row]).abs() > tolerance::SOLUTION_ROUNDING * top);
             // the imbalance of the self-stress (nearly dependent rows, a position closed to a tolerance)
@@ -381,7 +381,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             entries().for_each(|(j, _, _)| off[j] = 0.0);
             of_model.clear();
             of_model.extend(lambda.iter().map(|&(row, x)| (self.system.row_of_model(row), x)));
-            pose.wrenches(of_model, &self.closing_of, room_of_wrenches, &mut stress.joints);
+            pose.wrenches(of_model, &self.closing_of, wrench_scratch, &mut stress.joints);
             let magnitude = |w: &Wrench| w.force.norm().max(w.moment.norm() / length);
             let largest = stress.joints.iter().fold(top, |m: f64, (_, w)| m.max(magnitude(w)));
             let zero = (self.least * largest).max(tolerance::CLEARLY * unbalanced);
@@ -397,9 +397,9 @@ impl<'g, 'm> Balance<'g, 'm> {
 }
 
 /// Memory that the self-stresses of positions share.
-pub(crate) struct BalanceRoom {
+pub(crate) struct BalanceScratch {
     factors: Vec<f64>,
-    sparse: SparseRoom,
+    sparse: SparseScratch,
     /// The row to be balanced, by steps of the elimination, and what balances it.
     few: Vec<(usize, f64)>,
     steps: Vec<(usize, f64)>,
@@ -408,7 +408,7 @@ pub(crate) struct BalanceRoom {
     of_model: Vec<(usize, f64)>,
     /// Residual along each velocity; zero between two self-stresses.
     off: Vec<f64>,
-    room_of_wrenches: WrenchScratch,
+    wrench_scratch: WrenchScratch,
 }
 
 #[cfg(test)]
@@ -435,8 +435,8 @@ mod tests {
             let swept = m.wrenches_of(&q, &full, &mut m.scratch());
             let mut closing_of = Vec::new();
             m.full.closings.iter().enumerate().for_each(|(i, k)| closing_of.extend(vec![i; k.rows()]));
-            let (mut by_balance, mut room_of_wrenches) = (Vec::new(), WrenchScratch::new(&m));
-            Pose::new(&m, 0.0, &q).wrenches(&lambda, &closing_of, &mut room_of_wrenches, &mut by_balance);
+            let (mut by_balance, mut wrench_scratch) = (Vec::new(), WrenchScratch::new(&m));
+            Pose::new(&m, 0.0, &q).wrenches(&lambda, &closing_of, &mut wrench_scratch, &mut by_balance);
             assert_eq!(by_balance.len(), m.spec.joints.len());
             for (j, w) in by_balance {
                 assert!((w.force - swept[j].force).norm() < 1e-14, "{}", m.spec.joints[j].name);

@@ -1,6 +1,6 @@
 //! Where the results of loops lie that others read.
 
-use crate::turns::{Found, Members, Operand, Origin, Part};
+use crate::turns::{CodeLoop, Members, Operand, Origin, Part};
 use crate::values::{Values, POINTERS};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -32,7 +32,7 @@ pub(crate) struct Layout {
 pub(crate) fn lay_out(
     values: &Values,
     parts: &[Vec<Part>],
-    found: &[Found],
+    found: &[CodeLoop],
     members: &Members,
 ) -> (Vec<Layout>, usize) {
     // number of loops begun when each result is read last
@@ -110,7 +110,7 @@ pub(crate) fn lay_out(
 
 /// How far results of a turn are from those of the next one: side by side with the other results of their turn where there
 /// are many and the loops that read them have pointers enough; 1 where each has an array. `last`: when each is read last.
-fn strides(found: &[Found], last: &[Vec<Option<usize>>]) -> Vec<usize> {
+fn strides(found: &[CodeLoop], last: &[Vec<Option<usize>>]) -> Vec<usize> {
     let kept: Vec<usize> = last.iter().map(|last| last.iter().flatten().count()).collect();
     let mut strides = vec![1; found.len()];
     let mut readers: Vec<Vec<usize>> = (0..found.len()).map(|roll| vec![roll]).collect();
@@ -134,7 +134,7 @@ fn strides(found: &[Found], last: &[Vec<Option<usize>>]) -> Vec<usize> {
     strides
 }
 
-impl Found {
+impl CodeLoop {
     /// Places that move by different steps, with these distances between turns; it is number `roll` of all.
     fn pointers_with(&self, strides: &[usize], roll: usize) -> usize {
         let mut moving = vec![(Space::Stack, strides[roll] as isize)];

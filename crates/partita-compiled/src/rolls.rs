@@ -14,7 +14,7 @@
 
 use crate::layout::{lay_out, Layout};
 use crate::registers::first_two_commute;
-use crate::turns::{self, Found, Members, Operand, Origin, Part};
+use crate::turns::{self, CodeLoop, Members, Operand, Origin, Part};
 use crate::values::{Item, Keep, Operation, Read, Roll, Source, Values, POINTERS};
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
@@ -59,13 +59,13 @@ pub(crate) fn roll(values: &mut Values, constants: &mut Vec<f64>) {
 
 /// Operations that compute the same in every turn, once. They may differ by turns in what each reads, and so are not
 /// joined before: one that is equal by chance in some parts would make these unlike the others.
-fn join_equal(found: &mut [Found], members: &mut Members) {
+fn join_equal(found: &mut [CodeLoop], members: &mut Members) {
     let mut known = HashMap::new();
     let mut joined: Vec<Vec<Option<[usize; 2]>>> = found.iter().map(|x| vec![None; x.codes.len()]).collect();
     for roll in 0..found.len() {
         for operation in 0..found[roll].codes.len() {
             found[roll].operands[operation].iter_mut().for_each(|x| x.follow(roll, &joined));
-            let Found { count, codes, operands, entries, .. } = &found[roll];
+            let CodeLoop { count, codes, operands, entries, .. } = &found[roll];
             // before its turn 0 lies what another one has not
             let stays = entries.iter().any(|entry| entry.0 == operation);
             let code = codes[operation].0;
@@ -102,7 +102,7 @@ fn join_equal(found: &mut [Found], members: &mut Members) {
 }
 
 /// The outputs that loops write: one in each turn, a step further each time.
-fn written(found: &mut [Found], outputs: &[Option<usize>], members: &Members) -> Vec<usize> {
+fn written(found: &mut [CodeLoop], outputs: &[Option<usize>], members: &Members) -> Vec<usize> {
     // by loops and operations: outputs in the order of the turns
     let mut of: BTreeMap<(usize, usize), Vec<(usize, usize)>> = BTreeMap::new();
     for (o, x) in outputs.iter().enumerate() {
@@ -148,7 +148,7 @@ impl Tables<'_> {
     }
 }
 
-impl Found {
+impl CodeLoop {
     /// As number `roll` of all, with their results at `layouts`: several turns together where each one waits for the one
     /// before, so that most of what they wait for lies in registers; then those that are left.
     fn made(&self, roll: usize, layouts: &[Layout], tables: &mut Tables) -> Vec<Roll> {

@@ -49,7 +49,7 @@ pub(crate) enum Operand {
 }
 
 /// A loop that was found.
-pub(crate) struct Found {
+pub(crate) struct CodeLoop {
     pub(crate) count: usize,
     pub(crate) codes: Vec<(Code, u32)>,
     pub(crate) operands: Vec<Vec<Operand>>,
@@ -63,7 +63,7 @@ pub(crate) struct Found {
     pub(crate) pointers: usize,
 }
 
-impl Found {
+impl CodeLoop {
     /// Operands of the operations that it computes.
     pub(crate) fn computed(&self) -> impl Iterator<Item = &Vec<Operand>> {
         self.operands.iter().zip(&self.joined).filter(|x| !x.1).map(|x| x.0)
@@ -86,7 +86,7 @@ pub(crate) enum Part {
 }
 
 /// The parts of each stage, the loops among them in order, and the values that these compute.
-pub(crate) fn search(values: &Values, stages: Vec<Vec<Item>>) -> (Vec<Vec<Part>>, Vec<Found>, Members) {
+pub(crate) fn search(values: &Values, stages: Vec<Vec<Item>>) -> (Vec<Vec<Part>>, Vec<CodeLoop>, Members) {
     let count = values.sources.len();
     let mut search =
         Search { values, found: Vec::new(), members: Members(vec![None; count]), position: vec![None; count] };
@@ -96,7 +96,7 @@ pub(crate) fn search(values: &Values, stages: Vec<Vec<Item>>) -> (Vec<Vec<Part>>
 
 struct Search<'v> {
     values: &'v Values,
-    found: Vec<Found>,
+    found: Vec<CodeLoop>,
     members: Members,
     /// Place of each value among the operations of the stage that is searched.
     position: Vec<Option<u32>>,
@@ -314,7 +314,7 @@ impl Search<'_> {
         };
         let of_turn = || turns.operations[turns.start..turns.start + turns.length].iter();
         let operands = of_turn().enumerate().map(|(o, x)| (0..x.reads().len()).map(|a| operand(o, a)).collect());
-        let found = Found {
+        let found = CodeLoop {
             count,
             codes: of_turn().map(|x| (x.code, x.exponent)).collect(),
             operands: operands.collect(),

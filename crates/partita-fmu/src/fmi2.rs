@@ -6,7 +6,7 @@ use crate::instance::{
     self, failed, of_no_variable, operations, place, text, unsupported, with, Environment, Failed, FormattingLogger,
     Log, DISCARD, OK,
 };
-pub use crate::instance::{Instance, Kept, Reference};
+pub use crate::instance::{Instance, Reference, StoredState};
 use crate::resources;
 use crate::slave::Slave;
 use std::ffi::{c_char, c_double, c_int, c_void};
@@ -154,12 +154,12 @@ operations! {
     fmi2ExitInitializationMode() = exit;
     fmi2Terminate() = terminate;
     fmi2Reset() = reset;
-    fmi2GetFMUstate(kept: *mut *mut Kept) = keep;
-    fmi2SetFMUstate(kept: *mut Kept) = restore;
-    fmi2FreeFMUstate(kept: *mut *mut Kept) = forget;
-    fmi2SerializedFMUstateSize(kept: *mut Kept, size: *mut usize) = size;
-    fmi2SerializeFMUstate(kept: *mut Kept, bytes: *mut u8, size: usize) = serialise;
-    fmi2DeSerializeFMUstate(bytes: *const u8, size: usize, kept: *mut *mut Kept) = deserialise;
+    fmi2GetFMUstate(kept: *mut *mut StoredState) = keep;
+    fmi2SetFMUstate(kept: *mut StoredState) = restore;
+    fmi2FreeFMUstate(kept: *mut *mut StoredState) = forget;
+    fmi2SerializedFMUstateSize(kept: *mut StoredState, size: *mut usize) = size;
+    fmi2SerializeFMUstate(kept: *mut StoredState, bytes: *mut u8, size: usize) = serialise;
+    fmi2DeSerializeFMUstate(bytes: *const u8, size: usize, kept: *mut *mut StoredState) = deserialise;
 }
 
 of_no_variable! {

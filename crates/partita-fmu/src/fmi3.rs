@@ -8,7 +8,7 @@
 use crate::instance::{
     self, of_no_variable, operations, place, text, unsupported, with, Environment, Log, PlainLogger, OK,
 };
-pub use crate::instance::{Instance, Kept, Reference};
+pub use crate::instance::{Instance, Reference, StoredState};
 use crate::slave::Slave;
 use std::ffi::{c_char, c_double, c_int, c_void};
 use std::path::Path;
@@ -157,42 +157,42 @@ operations! {
     fmi3ExitInitializationMode() = exit;
     fmi3Terminate() = terminate;
     fmi3Reset() = reset;
-    fmi3GetFloat64(references: *const Reference, count: usize, values: *mut c_double, room: usize) = get;
-    fmi3SetFloat64(references: *const Reference, count: usize, values: *const c_double, room: usize) = set;
-    fmi3GetFMUState(kept: *mut *mut Kept) = keep;
-    fmi3SetFMUState(kept: *mut Kept) = restore;
-    fmi3FreeFMUState(kept: *mut *mut Kept) = forget;
-    fmi3SerializedFMUStateSize(kept: *mut Kept, size: *mut usize) = size;
-    fmi3SerializeFMUState(kept: *mut Kept, bytes: *mut u8, size: usize) = serialise;
-    fmi3DeserializeFMUState(bytes: *const u8, size: usize, kept: *mut *mut Kept) = deserialise;
+    fmi3GetFloat64(references: *const Reference, count: usize, values: *mut c_double, memory: usize) = get;
+    fmi3SetFloat64(references: *const Reference, count: usize, values: *const c_double, memory: usize) = set;
+    fmi3GetFMUState(kept: *mut *mut StoredState) = keep;
+    fmi3SetFMUState(kept: *mut StoredState) = restore;
+    fmi3FreeFMUState(kept: *mut *mut StoredState) = forget;
+    fmi3SerializedFMUStateSize(kept: *mut StoredState, size: *mut usize) = size;
+    fmi3SerializeFMUState(kept: *mut StoredState, bytes: *mut u8, size: usize) = serialise;
+    fmi3DeserializeFMUState(bytes: *const u8, size: usize, kept: *mut *mut StoredState) = deserialise;
 }
 
 of_no_variable! {
-    fmi3GetFloat32(values: *mut f32, room: usize);
-    fmi3GetInt8(values: *mut i8, room: usize);
-    fmi3GetUInt8(values: *mut u8, room: usize);
-    fmi3GetInt16(values: *mut i16, room: usize);
-    fmi3GetUInt16(values: *mut u16, room: usize);
-    fmi3GetInt32(values: *mut i32, room: usize);
-    fmi3GetUInt32(values: *mut u32, room: usize);
-    fmi3GetInt64(values: *mut i64, room: usize);
-    fmi3GetUInt64(values: *mut u64, room: usize);
-    fmi3GetBoolean(values: *mut Boolean, room: usize);
-    fmi3GetString(values: *mut *const c_char, room: usize);
-    fmi3GetBinary(sizes: *mut usize, values: *mut Binary, room: usize);
+    fmi3GetFloat32(values: *mut f32, memory: usize);
+    fmi3GetInt8(values: *mut i8, memory: usize);
+    fmi3GetUInt8(values: *mut u8, memory: usize);
+    fmi3GetInt16(values: *mut i16, memory: usize);
+    fmi3GetUInt16(values: *mut u16, memory: usize);
+    fmi3GetInt32(values: *mut i32, memory: usize);
+    fmi3GetUInt32(values: *mut u32, memory: usize);
+    fmi3GetInt64(values: *mut i64, memory: usize);
+    fmi3GetUInt64(values: *mut u64, memory: usize);
+    fmi3GetBoolean(values: *mut Boolean, memory: usize);
+    fmi3GetString(values: *mut *const c_char, memory: usize);
+    fmi3GetBinary(sizes: *mut usize, values: *mut Binary, memory: usize);
     fmi3GetClock(values: *mut Boolean);
-    fmi3SetFloat32(values: *const f32, room: usize);
-    fmi3SetInt8(values: *const i8, room: usize);
-    fmi3SetUInt8(values: *const u8, room: usize);
-    fmi3SetInt16(values: *const i16, room: usize);
-    fmi3SetUInt16(values: *const u16, room: usize);
-    fmi3SetInt32(values: *const i32, room: usize);
-    fmi3SetUInt32(values: *const u32, room: usize);
-    fmi3SetInt64(values: *const i64, room: usize);
-    fmi3SetUInt64(values: *const u64, room: usize);
-    fmi3SetBoolean(values: *const Boolean, room: usize);
-    fmi3SetString(values: *const *const c_char, room: usize);
-    fmi3SetBinary(sizes: *const usize, values: *const Binary, room: usize);
+    fmi3SetFloat32(values: *const f32, memory: usize);
+    fmi3SetInt8(values: *const i8, memory: usize);
+    fmi3SetUInt8(values: *const u8, memory: usize);
+    fmi3SetInt16(values: *const i16, memory: usize);
+    fmi3SetUInt16(values: *const u16, memory: usize);
+    fmi3SetInt32(values: *const i32, memory: usize);
+    fmi3SetUInt32(values: *const u32, memory: usize);
+    fmi3SetInt64(values: *const i64, memory: usize);
+    fmi3SetUInt64(values: *const u64, memory: usize);
+    fmi3SetBoolean(values: *const Boolean, memory: usize);
+    fmi3SetString(values: *const *const c_char, memory: usize);
+    fmi3SetBinary(sizes: *const usize, values: *const Binary, memory: usize);
     fmi3SetClock(values: *const Boolean);
 }
 
@@ -212,7 +212,7 @@ unsupported! {
         unknowns: *const Reference, count: usize, knowns: *const Reference, known: usize, seed: *const c_double,
         seeds: usize, result: *mut c_double, results: usize);
     fmi3GetOutputDerivatives(
-        references: *const Reference, count: usize, orders: *const i32, values: *mut c_double, room: usize);
+        references: *const Reference, count: usize, orders: *const i32, values: *mut c_double, memory: usize);
     fmi3GetIntervalDecimal(
         references: *const Reference, count: usize, intervals: *mut c_double, qualifiers: *mut c_int);
     fmi3GetIntervalFraction(

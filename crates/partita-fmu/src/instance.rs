@@ -93,7 +93,7 @@ pub struct Instance {
 }
 
 /// A requested state, with its phase.
-pub struct Kept {
+pub struct StoredState {
     state: State,
     phase: Phase,
 }
@@ -209,7 +209,7 @@ pub unsafe fn place<'a, T>(pointer: *mut T) -> Result<&'a mut T, Failed> {
 ///
 /// # Safety
 /// `into` is null or points to null or to a state from here that is not yet freed.
-unsafe fn put(into: *mut *mut Kept, now: Kept) -> Done {
+unsafe fn put(into: *mut *mut StoredState, now: StoredState) -> Done {
     // SAFETY: the caller's promise.
     let slot = unsafe { place(into) }?;
     // SAFETY: as above.
@@ -279,33 +279,33 @@ impl Instance {
         self.slave.state().t
     }
 
-    /// Numbers of all values of these variables, in order; `room` values are read or written.
-    fn slots(&self, references: &[Reference], room: usize) -> Result<Vec<usize>, Failed> {
-        let mut slots = Vec::with_capacity(room);
+    /// Numbers of all values of these variables, in order; `memory` values are read or written.
+    fn slots(&self, references: &[Reference], memory: usize) -> Result<Vec<usize>, Failed> {
+        let mut slots = Vec::with_capacity(memory);
         for reference in references {
             slots.extend(self.slave.slots(*reference as usize)?);
         }
-        match slots.len() == room {
+        match slots.len() == memory {
             true => Ok(slots),
-            false => Err(Failed(ERROR, format!("these variables have {} values, not {room}", slots.len()))),
+            false => Err(Failed(ERROR, format!("these variables have {} values, not {memory}", slots.len()))),
         }
     }
 
     /// Values of variables.
     ///
     /// # Safety
-    /// Arrays of `count` and of `room` items.
+    /// Arrays of `count` and of `memory` items.
     pub unsafe fn get(
         &mut self,
         references: *const Reference,
         count: usize,
         values: *mut c_double,
-        room: usize,
+        memory: usize,
     ) -> Done {
         // SAFETY: the caller's promise.
         let references = unsafe { items(references, count) }?;
-        let slots = self.slots(references, room)?;
-        if room > 0 && values.is_null() {
+        let slots = self.slots(references, memory)?;
+        if memory > 0 && values.is_null() {
             return Err(missing());
         }
         if self.phase == Phase::Initialising {
@@ -322,18 +322,18 @@ impl Instance {
     /// Set inputs and parameters.
     ///
     /// # Safety
-    /// Arrays of `count` and of `room` items.
+    /// Arrays of `count` and of `memory` items.
     pub unsafe fn set(
         &mut self,
         references: *const Reference,
         count: usize,
         values: *const c_double,
-        room: usize,
+        memory: usize,
     ) -> Done {
         self.in_phase(&[Phase::Made, Phase::Initialising, Phase::Stepping])?;
         // SAFETY: the caller's promise.
-        let (references, values) = unsafe { (items(references, count)?, items(values, room)?) };
-        for (slot, value) in self.slots(references, room)?.into_iter().zip(values) {
+        let (references, values) = unsafe { (items(references, count)?, items(values, memory)?) };
+        for (slot, value) in self.slots(references, memory)?.into_iter().zip(values) {
             if self.slave.is_parameter(slot) {
                 self.in_phase(&[Phase::Made, Phase::Initialising])?;
             }
@@ -346,8 +346,8 @@ impl Instance {
     ///
     /// # Safety
     /// `into` is null or points to null or to a state of this instance.
-    pub unsafe fn keep(&mut self, into: *mut *mut Kept) -> Done {
-        let now = Kept { state: self.slave.state().clone(), phase: self.phase };
+    pub unsafe fn keep(&mut self, into: *mut *mut StoredState) -> Done {
+        let now = StoredState { state: self.slave.state().clone(), phase: self.phase };
         // SAFETY: the caller's promise.
         unsafe { put(into, now) }
     }
@@ -356,7 +356,7 @@ impl Instance {
     ///
     /// # Safety
     /// Null, or a state of this instance.
-    pub unsafe fn restore(&mut self, kept: *mut Kept) -> Done {
+    pub unsafe fn restore(&mut self, kept: *mut StoredState) -> Done {
         // SAFETY: the caller's promise.
         let kept = unsafe { place(kept) }?;
         self.slave.restore(kept.state.clone())?;
@@ -368,7 +368,7 @@ impl Instance {
     ///
     /// # Safety
     /// `kept` is null or points to null or to a state of this instance, which is not used afterwards.
-    pub unsafe fn forget(&mut self, kept: *mut *mut Kept) -> Done {
+    pub unsafe fn forget(&mut self, kept: *mut *mut StoredState) -> Done {
         // SAFETY: the caller's promise.
         let slot = unsafe { place(kept) }?;
         if !slot.is_null() {
@@ -383,7 +383,7 @@ impl Instance {
     ///
     /// # Safety
     /// Null or a state of this instance; null or a place.
-    pub unsafe fn size(&mut self, kept: *mut Kept, size: *mut usize) -> Done {
+    pub unsafe fn size(&mut self, kept: *mut StoredState, size: *mut usize) -> Done {
         // SAFETY: the caller's promise.
         let (kept, size) = unsafe { (place(kept)?, place(size)?) };
         *size = self.slave.bytes_of(&kept.state, kept.phase as u8).len();
@@ -393,16 +393,19 @@ impl Instance {
     /// A state as bytes.
     ///
     /// # Safety
-    /// Null or a state of this instance, and an array of `room` bytes.
-    pub unsafe fn serialise(&mut self, kept: *mut Kept, bytes: *mut u8, room: usize) -> Done {
+    /// Null or a state of this instance, and an array of `memory` bytes.
+    pub unsafe fn serialise(&mut self, kept: *mut StoredState, bytes: *mut u8, memory: usize) -> Done {
         // SAFETY: the caller's promise.
         let kept = unsafe { place(kept) }?;
         let found = self.slave.bytes_of(&kept.state, kept.phase as u8);
         if bytes.is_null() {
             return Err(missing());
         }
-        if found.len() > room {
-            return Err(Failed(ERROR, format!("the state has {} bytes, but there is room for {room}", found.len())));
+        if found.len() > memory {
+            return Err(Failed(
+                ERROR,
+                format!("the state has {} bytes, but there is memory for {memory}", found.len()),
+            ));
         }
         // SAFETY: not null, and as long as what is written; the caller's promise.
         unsafe { ptr::copy_nonoverlapping(found.as_ptr(), bytes, found.len()) };
@@ -413,13 +416,13 @@ impl Instance {
     ///
     /// # Safety
     /// An array of `count` bytes; `into` is null or points to null or to a state of this instance.
-    pub unsafe fn deserialise(&mut self, bytes: *const u8, count: usize, into: *mut *mut Kept) -> Done {
+    pub unsafe fn deserialise(&mut self, bytes: *const u8, count: usize, into: *mut *mut StoredState) -> Done {
         // SAFETY: the caller's promise.
         let bytes = unsafe { items(bytes, count) }?;
         let (state, phase) = self.slave.state_of(bytes)?;
         let phase = Phase::ALL.get(usize::from(phase)).copied().ok_or_else(|| failed("it has an unknown phase"))?;
         // SAFETY: as above.
-        unsafe { put(into, Kept { state, phase }) }
+        unsafe { put(into, StoredState { state, phase }) }
     }
 }
 

@@ -113,8 +113,8 @@ fn a_pendulum_is_turned_by_fmi_3() {
         assert!((shown[0] - 0.75).abs() < 1e-9 && (shown[1] - 2.25).abs() < 1e-9, "{shown:?}");
         assert_eq!(shown[2], reached);
         // of a size that does not fit, of the middle of the array, of nothing; the time is not set
-        for room in [0, 1, 3] {
-            assert_eq!(fmi3GetFloat64(c, [1].as_ptr(), 1, shown.as_mut_ptr(), room), ERROR);
+        for memory in [0, 1, 3] {
+            assert_eq!(fmi3GetFloat64(c, [1].as_ptr(), 1, shown.as_mut_ptr(), memory), ERROR);
         }
         assert_eq!(fmi3GetFloat64(c, [2].as_ptr(), 1, shown.as_mut_ptr(), 1), ERROR);
         assert_eq!(fmi3GetFloat64(c, [4].as_ptr(), 1, shown.as_mut_ptr(), 1), ERROR);

@@ -17,7 +17,7 @@ use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use partita_math::tolerance;
 use partita_system::breakpoints::Passing;
 use partita_system::error::CrossingOutcome;
-use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, Verdict};
+use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, StepDecision};
 use partita_system::guards::Look;
 use partita_system::record::Output;
 use partita_system::SystemError;
@@ -432,7 +432,7 @@ impl March {
             }
             *attempts -= 1;
             let crosses = self.crosses;
-            let mut verdict = Verdict::Keep;
+            let mut verdict = StepDecision::Keep;
             let free = self.free;
             let attempted = self.attempt(formulation);
             let beyond = self.ends_beyond();
@@ -458,13 +458,13 @@ impl March {
                     continue;
                 }
                 // a step across a singular position has one length; the formulation decides on another
-                Err(StepFailure::TooSmall { .. }) if crosses => verdict = Verdict::Repeat,
+                Err(StepFailure::TooSmall { .. }) if crosses => verdict = StepDecision::Repeat,
                 Err(StepFailure::TooSmall { t, h, last: None }) => {
                     return Err(StepFailure::TooSmall { t, h, last: self.obstacle_ahead(formulation) })
                 }
                 Err(failure) => return Err(failure),
             }
-            if verdict == Verdict::Repeat {
+            if verdict == StepDecision::Repeat {
                 // however short, a step over a jump of what is prescribed is repeated: the jump is named
                 if !stepper.current().may_shrink {
                     match self.shortened(formulation) {
@@ -493,7 +493,7 @@ impl March {
             }
             if self.locate_passed(formulation) {
                 self.stepper.reject(0.5);
-                self.commit(formulation, Verdict::Repeat)?;
+                self.commit(formulation, StepDecision::Repeat)?;
                 continue;
             }
             match self.shortened(formulation) {
@@ -626,7 +626,7 @@ impl March {
     /// Reject a step across a singular position inside which something acts abruptly; the formulation decides on another.
     fn cross_otherwise<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
         self.crossing.reject(0.5);
-        self.commit(formulation, Verdict::Repeat)?;
+        self.commit(formulation, StepDecision::Repeat)?;
         Ok(false)
     }
 
@@ -658,7 +658,7 @@ impl March {
     fn commit<F: Formulation>(
         &mut self,
         formulation: &mut F,
-        verdict: Verdict,
+        verdict: StepDecision,
     ) -> Result<(), StepFailure<SystemError>> {
         let step = self.stepper.current();
         let t = step.t_old;
@@ -666,7 +666,7 @@ impl March {
         let free = self.free && t < step.t_end;
         self.buffer.copy_from_slice(step.y_old);
         self.slope.copy_from_slice(step.dy_old);
-        let next = if self.crosses || verdict != Verdict::Repeat { self.proposed } else { step.next };
+        let next = if self.crosses || verdict != StepDecision::Repeat { self.proposed } else { step.next };
         let mut pace = Pace { next, across: None };
         let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
         let located = self.searched.then_some(&self.located[..]);

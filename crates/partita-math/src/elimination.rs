@@ -18,4 +18,4 @@ mod program;
 pub use blocks::Block;
 pub use pattern::Pattern;
 pub use plan::{PivotShrunk, Plan, PlanError, PlanOptions};
-pub use program::sparse::SparseRoom;
+pub use program::sparse::SparseScratch;

@@ -112,18 +112,18 @@ pub trait Functions: Copy + Default {
     fn given(place: usize, x: f64) -> Self;
     /// A value outside [low, high] that this number has, if there is one. A recording has no values and returns none.
     fn outside(self, low: f64, high: f64) -> Option<f64>;
-    /// A function that is known in `f64` alone: `room` is memory for plain arguments, grown once.
+    /// A function that is known in `f64` alone: `memory` is memory for plain arguments, grown once.
     ///
     /// Exact for values. A derivative is approximated by central differences along its own direction, with two more
     /// calls: error about 1e-10 of the size of the function for arguments of the given sizes; none is computed where
     /// the arguments are constants. Types that cannot call (see [`CALLS`](Functions::CALLS)) return NaN.
     fn call<const N: usize, E>(
         at: Arguments<Self>,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
         mut f: impl FnMut(f64, &[f64], &[f64]) -> Result<[f64; N], E>,
     ) -> Result<[Self; N], E> {
         let mut out = [Self::default(); N];
-        Self::call_into(at, room, &mut out, |t, q, v, out| {
+        Self::call_into(at, memory, &mut out, |t, q, v, out| {
             out.copy_from_slice(&f(t, q, v)?);
             Ok(())
         })?;
@@ -132,7 +132,7 @@ pub trait Functions: Copy + Default {
     /// [`call`](Functions::call) of a function with as many values as its last argument holds.
     fn call_into<E>(
         at: Arguments<Self>,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
         out: &mut [Self],
         f: impl FnMut(f64, &[f64], &[f64], &mut [f64]) -> Result<(), E>,
     ) -> Result<(), E>;

@@ -216,9 +216,9 @@ impl<G: Space> Tree<G> {
     pub fn mass_matrix(&self, s: &mut TreeScratch<G>, mass: &mut [G::S]) {
         let (n, nv) = (self.links.len(), self.nv);
         mass.fill(G::S::zero());
-        let mut room = std::mem::take(&mut s.partial);
-        if room.len() < 2 * n {
-            room.resize(2 * n, Default::default());
+        let mut memory = std::mem::take(&mut s.partial);
+        if memory.len() < 2 * n {
+            memory.resize(2 * n, Default::default());
         }
         let mut moves = std::mem::take(&mut s.moves);
         for root in 1..n {
@@ -232,7 +232,7 @@ impl<G: Space> Tree<G> {
                 moves[i] = moves[self.links[i].parent];
             }
             for c in self.links[root].v..self.links[root].v + own {
-                let (twist, wrench) = room.split_at_mut(n);
+                let (twist, wrench) = memory.split_at_mut(n);
                 wrench[..n].fill(Default::default());
                 for i in root..n {
                     if moves[i] {
@@ -256,7 +256,7 @@ impl<G: Space> Tree<G> {
         for (v, rotor) in self.rotating() {
             mass[v * nv + v] += rotor;
         }
-        s.partial = room;
+        s.partial = memory;
         s.moves = moves;
     }
 }

@@ -6,11 +6,11 @@
 //!
 //! Nothing here branches on a value: derivatives, eight lanes side by side and recordings use the same code.
 
-use crate::clusters::{self, Given, Tangents};
+use crate::clusters::{self, LoadedTangents, Tangents};
 use crate::compile;
 use crate::coupling;
 use crate::error::DescriptionError;
-use crate::force::{Maker, Room};
+use crate::force::{ForceScratch, Maker};
 use crate::friction_magnitudes::Hold;
 use crate::mechanics::Mechanics;
 use crate::numbers::Numbers;
@@ -83,10 +83,10 @@ pub struct Scratch<S: Scalar> {
     pub(crate) planar: Option<TreeScratch<Planar<S>>>,
     pub(crate) full: TreeScratch<Spatial<S>>,
     /// Plain arguments of functions known in `f64` alone.
-    pub(crate) room: Vec<f64>,
+    pub(crate) memory: Vec<f64>,
     /// Memory of the applied forces, in each space.
-    pub(crate) planar_forces: Room<Planar<S>>,
-    pub(crate) full_forces: Room<Spatial<S>>,
+    pub(crate) planar_forces: ForceScratch<Planar<S>>,
+    pub(crate) full_forces: ForceScratch<Spatial<S>>,
     pub(crate) forces_at: bool,
     /// Memory of reaction-dependent frictions.
     pub(crate) hold: Hold,
@@ -98,9 +98,9 @@ impl<S: Scalar> Scratch<S> {
         Self {
             planar: None,
             full: TreeScratch::empty(),
-            room: Vec::new(),
-            planar_forces: Room::default(),
-            full_forces: Room::default(),
+            memory: Vec::new(),
+            planar_forces: ForceScratch::default(),
+            full_forces: ForceScratch::default(),
             forces_at: false,
             hold: Hold::default(),
         }
@@ -238,9 +238,9 @@ impl<S: Scalar> Evaluator<S> {
         c: &mut [S],
         a: &mut [S],
     ) -> Result<(), SystemError> {
-        let mut room = std::mem::take(&mut s.room);
-        let held = with_engine!(self, s, |tree, x| tree.hold(at, x, &mut room, phi, c, a));
-        s.room = room;
+        let mut memory = std::mem::take(&mut s.memory);
+        let held = with_engine!(self, s, |tree, x| tree.hold(at, x, &mut memory, phi, c, a));
+        s.memory = memory;
         held
     }
 
@@ -259,9 +259,9 @@ impl<S: Scalar> Evaluator<S> {
 
     /// b of the same conditions.
     fn hold_rates(&self, at: &Instant<S>, s: &mut Scratch<S>, b: &mut [S]) -> Result<(), SystemError> {
-        let mut room = std::mem::take(&mut s.room);
-        let held = with_engine!(self, s, |tree, x| tree.hold_rates(at, x, &mut room, b));
-        s.room = room;
+        let mut memory = std::mem::take(&mut s.memory);
+        let held = with_engine!(self, s, |tree, x| tree.hold_rates(at, x, &mut memory, b));
+        s.memory = memory;
         held
     }
 
@@ -370,10 +370,10 @@ impl<S: Scalar> Evaluator<S> {
     ) -> Result<(), SystemError> {
         self.forces(t, q, v, s)?;
         with_engine!(self, s, |tree, x| {
-            let mut room = std::mem::take(&mut x.clusters);
-            let given = Given { tangents: *tangents, effort: &x.effort, at_rest: false };
-            tree.accelerate(plan, &given, x, &mut room, vdot);
-            x.clusters = room;
+            let mut memory = std::mem::take(&mut x.clusters);
+            let given = LoadedTangents { tangents: *tangents, effort: &x.effort, at_rest: false };
+            tree.accelerate(plan, &given, x, &mut memory, vdot);
+            x.clusters = memory;
         });
         Ok(())
     }
@@ -388,9 +388,9 @@ impl<S: Scalar> Evaluator<S> {
         out: &mut [S],
     ) {
         with_engine!(self, s, |tree, x| {
-            let mut room = std::mem::take(&mut x.clusters);
-            tree.accelerate(plan, &Given { tangents: *tangents, effort, at_rest: true }, x, &mut room, out);
-            x.clusters = room;
+            let mut memory = std::mem::take(&mut x.clusters);
+            tree.accelerate(plan, &LoadedTangents { tangents: *tangents, effort, at_rest: true }, x, &mut memory, out);
+            x.clusters = memory;
         });
     }
 
@@ -444,9 +444,9 @@ impl<S: Scalar> Evaluator<S> {
         // plain numbers need no memory, except for a law
         match (&self.engine, &s.planar) {
             (Engine::Planar(tree), Some(x)) => {
-                tree.energies(instant, x, &mut Room::with_normal_forces(&s.planar_forces))
+                tree.energies(instant, x, &mut ForceScratch::with_normal_forces(&s.planar_forces))
             }
-            _ => self.full.energies(instant, &s.full, &mut Room::with_normal_forces(&s.full_forces)),
+            _ => self.full.energies(instant, &s.full, &mut ForceScratch::with_normal_forces(&s.full_forces)),
         }
     }
 

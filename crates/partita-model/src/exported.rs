@@ -237,7 +237,7 @@ impl<'m> Inputs<'m> {
             let mut q = x[n..].to_vec();
             self.named.iter().zip(x).for_each(|(&i, x)| q[self.place(i)] = *x);
             let t = Recorder::from_f64(self.t);
-            let excess = closing.close_in(iterations, &self.e, t, &mut q, &mut closing.room_over(&self.e))?;
+            let excess = closing.close_in(iterations, &self.e, t, &mut q, &mut closing.scratch_over(&self.e))?;
             let found: Vec<Recorder> = wanted.iter().map(|&i| q[self.place(i)]).collect();
             Ok(q.into_iter().chain(found).chain([excess]).collect())
         })?;
@@ -260,16 +260,16 @@ impl<'m> Inputs<'m> {
         s: &mut crate::evaluator::Scratch<Recorder>,
     ) -> Result<(Vec<Recorder>, Recorder), SystemError> {
         let (size, choice) = (self.model.size(), self.reduction.choice());
-        let room = |n: usize| vec![Recorder::zero(); n];
-        let (mut phi, mut c, mut a) = (room(size.holonomic), room(self.model.pattern().nnz()), room(size.rows));
+        let memory = |n: usize| vec![Recorder::zero(); n];
+        let (mut phi, mut c, mut a) = (memory(size.holonomic), memory(self.model.pattern().nnz()), memory(size.rows));
         self.e.position(Recorder::from_f64(self.t), q, s, &mut phi, &mut c, &mut a)?;
         let (rank, k) = (choice.rows.len(), choice.columns);
-        let (mut dt, mut gamma) = (room(size.nv * k), room(size.nv));
+        let (mut dt, mut gamma) = (memory(size.nv * k), memory(size.nv));
         choice.units(&mut dt);
         let Some(plan) = choice.plan else { return Ok((dt, -Recorder::one())) };
-        let mut factors = room(plan.factor_len());
+        let mut factors = memory(plan.factor_len());
         plan.eliminate(&c, &mut factors);
-        choice.tangent(&factors, &c, &a, &mut room(rank * (k + 1)), &mut room(rank * k), &mut dt, &mut gamma);
+        choice.tangent(&factors, &c, &a, &mut memory(rank * (k + 1)), &mut memory(rank * k), &mut dt, &mut gamma);
         Ok((dt, plan.excess(&factors)))
     }
 
@@ -300,15 +300,15 @@ impl<'m> Inputs<'m> {
             outputs: vec![Numbers::array("inertia", n * n), Numbers::array("lengths2", n)],
         };
         function.record(|q| {
-            let (t, room) = (Recorder::from_f64(self.t), |n: usize| vec![Recorder::zero(); n]);
+            let (t, memory) = (Recorder::from_f64(self.t), |n: usize| vec![Recorder::zero(); n]);
             let mut s = self.e.scratch();
-            self.e.look(q, &room(nv), &mut s);
+            self.e.look(q, &memory(nv), &mut s);
             let length2 =
                 |&i| freed.length2(&self.e, (t, q), &s, std::iter::once((Along::Velocity(i), Recorder::one())));
             let lengths2 = self.named.iter().map(length2).collect::<Result<Vec<_>, _>>()?;
             let (dt, excess) = self.tangent(q, &mut s)?;
-            let (rest, mut md, mut hd) = (room(nv), room(k * k), room(k));
-            self.e.velocity(t, q, &rest, &mut s, &mut room(self.model.size().rows))?;
+            let (rest, mut md, mut hd) = (memory(nv), memory(k * k), memory(k));
+            self.e.velocity(t, q, &rest, &mut s, &mut memory(self.model.size().rows))?;
             self.e.project(t, q, &rest, (k, &dt, &rest), &mut s, &mut md, &mut hd)?;
             // the others first: what their elimination leaves is the matrix with no effort on them
             let columns = self.columns();

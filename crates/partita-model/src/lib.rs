@@ -57,5 +57,5 @@ pub mod zero_position;
 pub use error::DescriptionError;
 pub use evaluator::Evaluator;
 pub use exported::CFunction;
-pub use model::{BlockVerdict, Geometry, Model, Verdict};
+pub use model::{BlockDecision, BlockVerdict, Geometry, Model};
 pub use part::Part;

@@ -1,7 +1,7 @@
 //! The tree in one space with all its loads: what an evaluation needs.
 
 use crate::coupling::Condition;
-use crate::force::{At, CutSight, Element, Room, Seen};
+use crate::force::{At, CutSight, Element, ForceScratch, LawInput};
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{places_uncounted, Instant};
 use partita_math::scalar::Scalar;
@@ -21,7 +21,7 @@ pub struct Mechanics<G: Space> {
     /// of the tree. None where there is no such function.
     pub(crate) sights: Vec<CutSight<G>>,
     /// Readings of sensors, which the same functions read after those coordinates; none where there is no function.
-    pub(crate) sensed: Vec<Seen<G>>,
+    pub(crate) sensed: Vec<LawInput<G>>,
     /// Places among all these numbers of angles whose whole turns are not counted.
     pub(crate) uncounted: Vec<usize>,
     /// World axes from mechanism axes.
@@ -57,9 +57,9 @@ impl<G: Space> Mechanics<G> {
     }
 
     /// Let functions of the state, which read `nq` coordinates of the tree first, read what sensors read.
-    pub(crate) fn sensing(mut self, nq: usize, sensed: Vec<Seen<G>>, out: Mat3<G::S>) -> Self {
+    pub(crate) fn sensing(mut self, nq: usize, sensed: Vec<LawInput<G>>, out: Mat3<G::S>) -> Self {
         (self.sensed, self.out) = (sensed, out);
-        let shown = self.sights.iter().map(CutSight::shown).chain(self.sensed.iter().map(Seen::shown));
+        let shown = self.sights.iter().map(CutSight::shown).chain(self.sensed.iter().map(LawInput::shown));
         self.uncounted = places_uncounted(nq, shown);
         self
     }
@@ -79,12 +79,12 @@ impl<G: Space> Mechanics<G> {
         &self,
         at: &Instant<G::S>,
         s: &TreeScratch<G>,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
         phi: &mut [G::S],
         c: &mut [G::S],
         a: &mut [G::S],
     ) -> Result<(), SystemError> {
-        self.conditions.iter().try_for_each(|x| x.position(&self.tree, s, at, room, phi, c, a))
+        self.conditions.iter().try_for_each(|x| x.position(&self.tree, s, at, memory, phi, c, a))
     }
 
     /// b of all conditions at the last twists.                                            (S5)
@@ -92,10 +92,10 @@ impl<G: Space> Mechanics<G> {
         &self,
         at: &Instant<G::S>,
         s: &TreeScratch<G>,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
         b: &mut [G::S],
     ) -> Result<(), SystemError> {
-        self.conditions.iter().try_for_each(|x| x.velocity(&self.tree, s, at, room, b))
+        self.conditions.iter().try_for_each(|x| x.velocity(&self.tree, s, at, memory, b))
     }
 
     /// Rows of C, those of positions among them, and entries.
@@ -114,19 +114,19 @@ impl<G: Space> Mechanics<G> {
         &self,
         instant: Instant<G::S>,
         s: &mut TreeScratch<G>,
-        room: &mut Room<G>,
+        memory: &mut ForceScratch<G>,
     ) -> Result<(), SystemError> {
         self.clear_forces(s);
-        let (q, v) = self.seen(&instant, s, room);
+        let (q, v) = self.seen(&instant, s, memory);
         let Instant { t, callers, .. } = instant;
         let uncounted = &self.uncounted[..];
         let (all_q, all_v) = if self.sees_tree_alone() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
         for e in &self.elements {
             let instant = Instant { t, q: all_q, v: all_v, callers, uncounted };
-            let effect = e.wrench(&At { tree: &self.tree, s, instant }, room)?;
-            self.add_effect(s, &effect, room);
+            let effect = e.wrench(&At { tree: &self.tree, s, instant }, memory)?;
+            self.add_effect(s, &effect, memory);
         }
-        (room.q, room.v) = (q, v);
+        (memory.q, memory.v) = (q, v);
         Ok(())
     }
 
@@ -137,17 +137,22 @@ impl<G: Space> Mechanics<G> {
         &self,
         instant: &Instant<G::S>,
         s: &TreeScratch<G>,
-        room: &mut Room<G>,
+        memory: &mut ForceScratch<G>,
     ) -> (Vec<G::S>, Vec<G::S>) {
         match self.sees_tree_alone() {
             true => (Vec::new(), Vec::new()),
-            false => self.seen_beyond(instant, s, room),
+            false => self.seen_beyond(instant, s, memory),
         }
     }
 
     #[inline(never)]
-    fn seen_beyond(&self, instant: &Instant<G::S>, s: &TreeScratch<G>, room: &mut Room<G>) -> (Vec<G::S>, Vec<G::S>) {
-        let (mut q, mut v) = (std::mem::take(&mut room.q), std::mem::take(&mut room.v));
+    fn seen_beyond(
+        &self,
+        instant: &Instant<G::S>,
+        s: &TreeScratch<G>,
+        memory: &mut ForceScratch<G>,
+    ) -> (Vec<G::S>, Vec<G::S>) {
+        let (mut q, mut v) = (std::mem::take(&mut memory.q), std::mem::take(&mut memory.v));
         q.clear();
         v.clear();
         q.extend_from_slice(instant.q);
@@ -172,10 +177,10 @@ impl<G: Space> Mechanics<G> {
         &self,
         instant: Instant<G::S>,
         s: &TreeScratch<G>,
-        room: &mut Room<G>,
+        memory: &mut ForceScratch<G>,
     ) -> Result<[G::S; 3], SystemError> {
         let (kinetic, gravity) = self.energy(instant.v, s);
-        let [potential, power] = self.potential_and_power(instant, s, room)?;
+        let [potential, power] = self.potential_and_power(instant, s, memory)?;
         Ok([kinetic, gravity + potential, power])
     }
 
@@ -185,20 +190,20 @@ impl<G: Space> Mechanics<G> {
         &self,
         instant: Instant<G::S>,
         s: &TreeScratch<G>,
-        room: &mut Room<G>,
+        memory: &mut ForceScratch<G>,
     ) -> Result<[G::S; 2], SystemError> {
         let (mut potential, mut power) = (G::S::zero(), G::S::zero());
-        let (q, v) = self.seen(&instant, s, room);
+        let (q, v) = self.seen(&instant, s, memory);
         let Instant { t, callers, .. } = instant;
         let uncounted = &self.uncounted[..];
         let (all_q, all_v) = if self.sees_tree_alone() { (instant.q, instant.v) } else { (&q[..], &v[..]) };
         let at = At { tree: &self.tree, s, instant: Instant { t, q: all_q, v: all_v, callers, uncounted } };
         for e in &self.elements {
-            let effect = e.wrench(&at, room)?;
+            let effect = e.wrench(&at, memory)?;
             potential += effect.potential;
             power += effect.power;
         }
-        (room.q, room.v) = (q, v);
+        (memory.q, memory.v) = (q, v);
         Ok([potential, power])
     }
 }

@@ -101,7 +101,7 @@ mod scratch;
 mod system;
 
 pub use actuated::Silent;
-pub use geometry::{BlockVerdict, Geometry, Verdict};
+pub use geometry::{BlockDecision, BlockVerdict, Geometry};
 use scales::{Links, RowMeasures};
 pub use scratch::ModelScratch;
 use scratch::Spare;

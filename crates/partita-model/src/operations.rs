@@ -68,7 +68,7 @@ impl Model {
         Ok(EvaluationCounts {
             projective: count(&|t, q, u| Ok(rates(t, q, u)?.concat()))?,
             explicit_closing: count(&|t, q, u| {
-                let excess = closing.close_over(&e, t, q, &mut closing.room_over(&e))?;
+                let excess = closing.close_over(&e, t, q, &mut closing.scratch_over(&e))?;
                 let [qdot, vdot] = rates(t, q, u)?;
                 let states = independent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| qdot[c]);
                 Ok(states.chain(vdot).chain([excess]).collect())
@@ -99,12 +99,12 @@ impl Model {
         q: &mut [Recorder],
     ) -> Result<(), SystemError> {
         let (size, mut s) = (self.size(), e.scratch());
-        let room = |n: usize| vec![Recorder::zero(); n];
-        let (mut phi, mut c, mut a) = (room(size.holonomic), room(self.pattern().nnz()), room(size.rows));
+        let memory = |n: usize| vec![Recorder::zero(); n];
+        let (mut phi, mut c, mut a) = (memory(size.holonomic), memory(self.pattern().nnz()), memory(size.rows));
         e.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
-        let mut dv = room(size.nv);
+        let mut dv = memory(size.nv);
         if let Some(plan) = choice.plan {
-            let mut factors = room(plan.factor_len());
+            let mut factors = memory(plan.factor_len());
             plan.eliminate(&c, &mut factors);
             let mut x: Vec<Recorder> = choice.rows.iter().map(|&row| -phi[row]).collect();
             plan.solve(&factors, &mut x, 1);

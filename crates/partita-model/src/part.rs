@@ -5,7 +5,7 @@
 
 use crate::coupling::{Law, Says};
 use crate::evaluator::{Engine, Evaluator, Scratch};
-use crate::force::{CutSight, Seen};
+use crate::force::{CutSight, LawInput};
 use crate::rows::Owner;
 use partita_math::scalar::Scalar;
 use std::collections::BTreeSet;
@@ -84,7 +84,7 @@ fn with_ancestors<S: Scalar>(model: &Evaluator<S>, links: BTreeSet<usize>) -> Ve
 /// Links that functions of the state read.
 fn seen<S: Scalar>(model: &Evaluator<S>) -> impl Iterator<Item = usize> + '_ {
     let coordinates = model.full.sights.iter().flat_map(CutSight::links);
-    coordinates.chain(model.full.sensed.iter().flat_map(Seen::links))
+    coordinates.chain(model.full.sensed.iter().flat_map(LawInput::links))
 }
 
 impl<S: Scalar> Evaluator<S> {

@@ -34,12 +34,12 @@ impl<S: Scalar> Evaluator<S> {
         if self.full.elements[e].follows_reactions() {
             self.reaction_friction_at(t, q, v, s)?;
         }
-        let mut room = std::mem::take(&mut s.full_forces);
-        let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
+        let mut memory = std::mem::take(&mut s.full_forces);
+        let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut memory);
         let (all_q, all_v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
         let at = At { tree: &self.full, s: &s.full, instant: self.seen_instant(t, all_q, all_v) };
         let element = &self.full.elements[e];
-        let found = element.wrench(&at, &mut room).map(|effect| {
+        let found = element.wrench(&at, &mut memory).map(|effect| {
             let mut shown =
                 Shown { potential: effect.potential, effort: element.effort(&at, &effect), ..Shown::default() };
             let mut push = |p: &AppliedWrench<Spatial<S>>| {
@@ -52,12 +52,12 @@ impl<S: Scalar> Evaluator<S> {
                 ForceApplication::Along(i, effort) => shown.power += *effort * v[*i],
                 ForceApplication::On(p) => push(p),
                 ForceApplication::Between(a, b) => [a, b].into_iter().for_each(push),
-                ForceApplication::Listed => room.wrenches.iter().for_each(push),
+                ForceApplication::Listed => memory.wrenches.iter().for_each(push),
             }
             shown
         });
-        (room.q, room.v) = (seen_q, seen_v);
-        s.full_forces = room;
+        (memory.q, memory.v) = (seen_q, seen_v);
+        s.full_forces = memory;
         found
     }
 

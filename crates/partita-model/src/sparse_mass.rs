@@ -79,11 +79,11 @@ impl<G: Space> Tree<G> {
     /// The entries of M at the last pose, in the order of the layout. Cost: descendants, summed over velocities.
     pub(crate) fn sparse_mass(&self, layout: &MassLayout, s: &mut TreeScratch<G>, out: &mut [G::S]) {
         let n = self.links.len();
-        let mut room = std::mem::take(&mut s.partial);
-        if room.len() < 2 * n {
-            room.resize(2 * n, Default::default());
+        let mut memory = std::mem::take(&mut s.partial);
+        if memory.len() < 2 * n {
+            memory.resize(2 * n, Default::default());
         }
-        let (twist, wrench) = room.split_at_mut(n);
+        let (twist, wrench) = memory.split_at_mut(n);
         let mut entries = layout.entries.iter();
         for root in 1..n {
             let outboard = &layout.outboard[layout.starts[root]..layout.starts[root + 1]];
@@ -115,6 +115,6 @@ impl<G: Space> Tree<G> {
         for (v, rotor) in self.rotating() {
             out[layout.diagonal[v] as usize] += rotor;
         }
-        s.partial = room;
+        s.partial = memory;
     }
 }

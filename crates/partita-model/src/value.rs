@@ -294,7 +294,7 @@ impl<S: Scalar> Source<S> {
 
     /// The value at an instant. Derivatives are exact for constants and tables, by differences for functions.
     #[inline(always)]
-    pub(crate) fn at(&self, i: &Instant<S>, what: &str, room: &mut Vec<f64>) -> Result<S, SystemError> {
+    pub(crate) fn at(&self, i: &Instant<S>, what: &str, memory: &mut Vec<f64>) -> Result<S, SystemError> {
         match self {
             Self::Constant(x) => Ok(*x),
             Self::Table(table) => Ok(table_at(table, i.t, what)?[0]),
@@ -302,7 +302,7 @@ impl<S: Scalar> Source<S> {
                 if let Some(place) = i.callers.functions.given(*k) {
                     return Ok(given(i.callers, place));
                 }
-                let [x] = S::call(i.arguments(), room, |t, q, v| {
+                let [x] = S::call(i.arguments(), memory, |t, q, v| {
                     i.asked(q, what, |q| {
                         let x = i.callers.functions.scalar(*k, t, q, v).map_err(|e| failed(what, e))?;
                         finite([x], what, t)
@@ -341,16 +341,18 @@ impl<S: Scalar> VectorSource<S> {
 
     /// The value at an instant.
     #[inline(always)]
-    pub(crate) fn at(&self, i: &Instant<S>, what: &str, room: &mut Vec<f64>) -> Result<Vec3<S>, SystemError> {
+    pub(crate) fn at(&self, i: &Instant<S>, what: &str, memory: &mut Vec<f64>) -> Result<Vec3<S>, SystemError> {
         match self {
-            Self::Components([x, y, z]) => Ok(Vec3([x.at(i, what, room)?, y.at(i, what, room)?, z.at(i, what, room)?])),
-            Self::Function([Source::Function(k)]) => Ok(Vec3(S::call(i.arguments(), room, |t, q, v| {
+            Self::Components([x, y, z]) => {
+                Ok(Vec3([x.at(i, what, memory)?, y.at(i, what, memory)?, z.at(i, what, memory)?]))
+            }
+            Self::Function([Source::Function(k)]) => Ok(Vec3(S::call(i.arguments(), memory, |t, q, v| {
                 i.asked(q, what, |q| {
                     let x = i.callers.functions.vector(*k, t, q, v).map_err(|e| failed(what, e))?;
                     finite(x, what, t)
                 })
             })?)),
-            Self::Function([x]) => Ok(Vec3([x.at(i, what, room)?; 3])),
+            Self::Function([x]) => Ok(Vec3([x.at(i, what, memory)?; 3])),
         }
     }
 }
@@ -374,14 +376,14 @@ pub(crate) fn motion_at<S: Scalar>(
     callers: &Callers,
     t: S,
     what: &str,
-    room: &mut Vec<f64>,
+    memory: &mut Vec<f64>,
 ) -> Result<[S; 3], SystemError> {
     match v {
         Value::Constant(x) => Ok([S::from_f64(*x), S::zero(), S::zero()]),
         Value::Table(table) => table_at(table, t, what),
         Value::Function(i) => match callers.functions.given(*i) {
             Some(place) => Ok(course_at(callers, place, t)),
-            None => S::call(Arguments { t, q: &[], v: &[], q_sizes: &[], v_sizes: &[] }, room, |t, _, _| {
+            None => S::call(Arguments { t, q: &[], v: &[], q_sizes: &[], v_sizes: &[] }, memory, |t, _, _| {
                 let x = callers.functions.motion(*i, t).map_err(|e| failed(what, e))?;
                 finite(x, what, t)
             }),
@@ -440,14 +442,14 @@ pub(crate) fn turned_at<S: Scalar>(
     callers: &Callers,
     t: S,
     what: &str,
-    room: &mut Vec<f64>,
+    memory: &mut Vec<f64>,
 ) -> Result<Turned<S>, SystemError> {
     let zero = [S::zero(); 3];
     match turning {
         Turning::Held(r) => Ok(Turned { rotation: r.map(|row| row.map(S::from_f64)), spin: zero, growth: zero }),
         Turning::Function(i) => {
             let arguments = Arguments { t, q: &[], v: &[], q_sizes: &[], v_sizes: &[] };
-            let x = S::call(arguments, room, |t, _, _| {
+            let x = S::call(arguments, memory, |t, _, _| {
                 let x = callers.functions.turning(*i, t).map_err(|e| failed(what, e))?;
                 finite(x, what, t)
             })?;

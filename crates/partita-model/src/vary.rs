@@ -8,7 +8,7 @@ use partita_system::system::{by_differences, At, Changes, Derivatives, Direction
 use partita_system::SystemError;
 
 /// Memory of an evaluation with derivatives.
-struct Room {
+struct DerivativeScratch {
     q: Vec<Wide>,
     v: Vec<Wide>,
     vdot: Vec<Wide>,
@@ -45,7 +45,7 @@ impl Varied for Model {
         let (size, n) = (self.size(), self.size().nv);
         let zeros = |n: usize| vec![Wide::zero(); n];
         let mut s = e.scratch();
-        let mut x = Room {
+        let mut x = DerivativeScratch {
             q: zeros(size.nq),
             v: zeros(n),
             vdot: zeros(n),

@@ -3,7 +3,7 @@
 use crate::arrays::entries_of;
 use crate::run::reported;
 use numpy::PyReadonlyArray1;
-use partita_analysis::run::balance::{self, Asked, Energy};
+use partita_analysis::run::balance::{self, BalanceOptions, Energy};
 use partita_model::spec::Spec;
 use pyo3::prelude::*;
 
@@ -15,7 +15,8 @@ type Reported = Vec<(bool, f64, String)>;
 pub fn reaction_findings(t: Vector<'_>, residual: Vector<'_>, asked: (f64, bool)) -> Reported {
     let (tolerance, drifts) = asked;
     let (t, residual) = (entries_of(&t), entries_of(&residual));
-    let found = balance::of_reactions(t.iter().copied().zip(residual.iter().copied()), Asked { tolerance, drifts });
+    let found =
+        balance::of_reactions(t.iter().copied().zip(residual.iter().copied()), BalanceOptions { tolerance, drifts });
     reported(found.as_slice())
 }
 
@@ -34,7 +35,7 @@ pub fn energy_findings(
         Some(Energy { t: *t.get(i)?, kinetic: *kinetic.get(i)?, potential: *potential.get(i)?, work: *work.get(i)? })
     };
     let at: Vec<Energy> = (0..t.len()).map_while(energy).collect();
-    reported(balance::of_energy(&at, Asked { tolerance, drifts: false }, steps, least).as_slice())
+    reported(balance::of_energy(&at, BalanceOptions { tolerance, drifts: false }, steps, least).as_slice())
 }
 
 /// Smallest reference energy (J) of the balance of a mechanism; 0 for a text that is not a description.

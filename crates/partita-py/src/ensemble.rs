@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Mutex;
 
 /// Initial states and parameters of members.
-pub struct Given<'x, 'py> {
+pub struct MemberStates<'x, 'py> {
     /// One row for each member, or one for all.
     pub q: &'x PyReadonlyArray2<'py, f64>,
     /// See `q`.
@@ -33,7 +33,7 @@ pub fn ensemble<'py>(
     m: &Model,
     options: &Options,
     t_eval: &PyReadonlyArray1<'py, f64>,
-    given: Given<'_, 'py>,
+    given: MemberStates<'_, 'py>,
     workers: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {

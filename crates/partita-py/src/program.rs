@@ -2,7 +2,7 @@
 
 use crate::failure;
 use partita_analysis::error::AnalysisError;
-use partita_analysis::run::Looked;
+use partita_analysis::run::ExaminedStart;
 use partita_model::{DescriptionError, Model};
 use partita_system::prelude::*;
 use pyo3::prelude::*;
@@ -29,7 +29,7 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
     let made = model.recorded(names).map_err(Refused::Description)?;
     let size = model.size();
     let rest = vec![0.0; size.nv];
-    let dropped = Looked::at(model, (t, q, &rest), (t, 1.0), 0.0).map_err(Refused::Start)?.start.dropped;
+    let dropped = ExaminedStart::at(model, (t, q, &rest), (t, 1.0), 0.0).map_err(Refused::Start)?.start.dropped;
     let pattern = model.pattern();
     let rows: Vec<Value> = (0..size.rows)
         .map(|i| {

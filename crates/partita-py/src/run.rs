@@ -65,14 +65,14 @@ pub fn reported(findings: &[Finding]) -> Vec<(bool, f64, String)> {
     findings.iter().map(|x| (x.invalid, x.t, x.sentence.clone())).collect()
 }
 
-struct Kept<S> {
+struct RunLog<S> {
     system: Arc<S>,
     log: SolutionLog,
     /// Without user functions outputs may be computed concurrently.
     shared: bool,
 }
 
-impl<S: Balance + Send + Sync> Reported for Kept<S> {
+impl<S: Balance + Send + Sync> Reported for RunLog<S> {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
         let found = watched(py, |watch| self.log.describe::<S>(&self.system, self.shared, watch))?;
@@ -358,7 +358,7 @@ fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     d.set_item(intern!(py, "message"), &run.outcome.message)?;
     d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
     let log = Account {
-        run: Box::new(Kept { system, log: run.log, shared }),
+        run: Box::new(RunLog { system, log: run.log, shared }),
         steps: run.outcome.counters,
         work: run.counters,
         steps_open: run.closure_error,

@@ -4,7 +4,7 @@ use crate::arrays::{array, dense, indices};
 use crate::failure;
 use numpy::PyArrayDyn;
 use partita_analysis::instant;
-use partita_system::branching::branch_directions::{selection, Asked};
+use partita_system::branching::branch_directions::{selection, RequestedRate};
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::reduction::Reduction;
 use partita_system::{start, ConstrainedSystem, SystemError};
@@ -48,14 +48,14 @@ pub fn assemble<S: ConstrainedSystem>(
                 let n = system.size().nv;
                 let asked = |&(i, rate): &(usize, f64)| {
                     let row = (0..n).map(|j| f64::from(u8::from(i == j))).collect();
-                    Asked {
+                    RequestedRate {
                         name: system.velocity_name(i),
                         row,
                         displacement: system.characteristic_displacement(i),
                         rate,
                     }
                 };
-                let asked: Vec<Asked> = rates.iter().map(asked).collect();
+                let asked: Vec<RequestedRate> = rates.iter().map(asked).collect();
                 selection::singled_out(system, (t, &q, near), &asked, e)?
             }
             found => velocity::near_with_rates(&mut found?, t, &q, near, rates)?,

@@ -349,7 +349,7 @@ impl StepChecks {
 
 /// Decision about a step, at its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum StepDecision {
     /// Take it.
     Keep,
     /// Accept it, and choose anew at its end.

@@ -21,7 +21,7 @@ from ..numeric import floats, is_list, shown
 from ..progress import reporting
 from ..results import Result
 from ..state import State
-from ..sweep.ensemble_store import Kept, identity, opened
+from ..sweep.ensemble_store import MemberStore, identity, opened
 from .models import Modelled, layout_of
 from .solve import simulate, start_of
 
@@ -240,7 +240,7 @@ def ensemble(
     return Ensemble(copy.deepcopy(self), model, times, starts, values, tolerances, raw, states is None)
 
 
-def _in_parts(part: Callable[[int, int], dict[str, Any]], count: int, kept: Kept) -> dict[str, Any]:
+def _in_parts(part: Callable[[int, int], dict[str, Any]], count: int, kept: MemberStore) -> dict[str, Any]:
     """All members, some thousands at a time, whose q and v go to disk; parts that are there are not computed again."""
     found: dict[str, Any] = {"status": [], "messages": [], "steps": 0}
     in_lanes = []

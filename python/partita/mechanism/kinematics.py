@@ -19,7 +19,7 @@ from ..state import State
 from ..units import Quantity
 from .goals import Goal, columns, goals_of, is_framed, is_turn, rates_of_frames, units_of
 from .models import Modelled
-from .poses import Found, found_poses
+from .poses import PosesFound, found_poses
 
 FloatArray = NDArray[np.float64]
 SHOWN = 5
@@ -149,7 +149,7 @@ def _count(n: int, word: str) -> str:
 
 
 def _rates(
-    found: Found, targets: Mapping[Any, Any], rates: Any, accelerations: Any
+    found: PosesFound, targets: Mapping[Any, Any], rates: Any, accelerations: Any
 ) -> tuple[list[Goal], FloatArray, FloatArray]:
     """The goals that have rates, their rates and their accelerations, (n, goals) each."""
     model, n = found.model, len(found.values)
@@ -200,7 +200,7 @@ def _spread(what: str, rows: list[Goal], own: list[Goal], values: FloatArray, n:
 
 
 def _refuse_contradictions(
-    found: Found, rows: list[Goal], speeds: FloatArray, changes: FloatArray, raw: Mapping[str, Any]
+    found: PosesFound, rows: list[Goal], speeds: FloatArray, changes: FloatArray, raw: Mapping[str, Any]
 ) -> None:
     for i, word in enumerate(raw["determined"]):
         if "contradict" not in word:
@@ -217,11 +217,11 @@ def _refuse_contradictions(
         raise ArgumentError(message, argument=what)
 
 
-def _at(found: Found, i: Any) -> str:
+def _at(found: PosesFound, i: Any) -> str:
     return ", ".join(f"{goal[0]} = {value:.6g}" for goal, value in zip(found.goals, found.values[i], strict=True))
 
 
-def _notes(found: Found, undetermined: NDArray[np.bool_], reasons: Mapping[int, str]) -> tuple[str, ...]:
+def _notes(found: PosesFound, undetermined: NDArray[np.bool_], reasons: Mapping[int, str]) -> tuple[str, ...]:
     notes = []
     dof, idle = found.model.core.degrees_of_freedom(found.start.t, found.start.q)
     if idle and len(found.goals) < dof:

@@ -173,7 +173,7 @@ def assemble_many(
     return Poses(found.model, found.layout, found.start, found.raw, {str(key): i for key, i in found.indices.items()})
 
 
-class Found(NamedTuple):
+class PosesFound(NamedTuple):
     """Poses as the core found them, and what was asked for."""
 
     model: CompiledModel
@@ -195,7 +195,7 @@ def found_poses(
     coordinates: str = "relative",
     parameters: Mapping[str, ArrayLike] | None = None,
     check: Callable[[CompiledModel, State, list[Goal]], None] | None = None,
-) -> Found:
+) -> PosesFound:
     """Poses for many values of the targets on one branch; `check` may refuse the goals before they are sought."""
     model, layout = layout_of(self, coordinates, parameters)
     start = assemble(self, None, None, near, t=t, coordinates=coordinates, parameters=parameters)
@@ -209,7 +209,7 @@ def found_poses(
     raw = poses_near(self, model, start, goals, values, coordinates, parameters)
     numbers = raw["status"]
     raw["ok"], raw["status"] = numbers == 0, np.array(raw["words"], dtype="U13")[numbers]
-    return Found(model, layout, start, goals, values, indices, raw)
+    return PosesFound(model, layout, start, goals, values, indices, raw)
 
 
 def poses_near(

@@ -58,7 +58,7 @@ class Axis(NamedTuple):
         return found
 
 
-class Room(NamedTuple):
+class Ranged(NamedTuple):
     """A mechanism without drives, and the goals over which a map extends."""
 
     mechanism: Modelled
@@ -140,7 +140,7 @@ def room_of(
     branch: str | None,
     coordinates: str,
     parameters: Mapping[str, ArrayLike] | None,
-) -> Room:
+) -> Ranged:
     """What a map extends over, checked."""
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     mechanism = undriven(self)
@@ -170,7 +170,7 @@ def room_of(
     if branch is not None:
         inputs = inputs_of([goal for axis in axes for goal in axis.goals], model)
         start = State(start.t, on_branch(model, start.t, start.q, branch, inputs), start.v, layout=layout)
-    return Room(mechanism, model, layout, start, axes, coordinates, parameters)
+    return Ranged(mechanism, model, layout, start, axes, coordinates, parameters)
 
 
 def _axes(grid: Any, model: CompiledModel, start: State) -> list[Axis]:
@@ -265,7 +265,7 @@ def keys_of(what: str, wanted: Any) -> list[Any]:
     return keys
 
 
-def with_actuators(self: Modelled, room: Room, wanted: Any) -> ActuatedModel:
+def with_actuators(self: Modelled, room: Ranged, wanted: Any) -> ActuatedModel:
     """The mechanism without drives with these actuators; None: what the drives move."""
     summary = compile(self, room.model.coordinates).summary
     return ActuatedModel(room.model, actuators_of(self._description, summary, wanted))

@@ -16,7 +16,7 @@ from ..numeric import shown
 from ..state import State
 from .goals import Goal, inputs_of
 from .models import Modelled
-from .ranges import Room, keys_of, room_of, rows_of, with_actuators
+from .ranges import Ranged, keys_of, room_of, rows_of, with_actuators
 
 FloatArray = NDArray[np.float64]
 SEEDS = 169
@@ -116,7 +116,7 @@ def _limits(axis: Any, i: int) -> tuple[float, float]:
     return (float(axis.values.min()), float(axis.values.max())) if i == axis.varying else (0.0, 0.0)
 
 
-def _set(self: Modelled, room: Room, of: Any, kind: str) -> tuple[ActuatedModel | None, list[Goal], tuple[str, ...]]:
+def _set(self: Modelled, room: Ranged, of: Any, kind: str) -> tuple[ActuatedModel | None, list[Goal], tuple[str, ...]]:
     """The measurements for the core, and their names."""
     if kind == CONSTRAINTS:
         if of is not None:
@@ -137,7 +137,7 @@ def _set(self: Modelled, room: Room, of: Any, kind: str) -> tuple[ActuatedModel 
     return None, outputs_of(room, keys), tuple(str(key[0]) if isinstance(key, tuple) else str(key) for key in keys)
 
 
-def outputs_of(room: Room, keys: list[Any]) -> list[Goal]:
+def outputs_of(room: Ranged, keys: list[Any]) -> list[Goal]:
     """The numbers to which outputs refer, each once."""
     goals: list[Goal] = []
     for key in keys:
@@ -148,7 +148,7 @@ def outputs_of(room: Room, keys: list[Any]) -> list[Goal]:
     return goals
 
 
-def _seeds(room: Room, others: bool) -> tuple[FloatArray, list[str]]:
+def _seeds(room: Ranged, others: bool) -> tuple[FloatArray, list[str]]:
     """Closed positions within the range, the start's branch first, and what could not be searched."""
     each = round(SEEDS ** (1.0 / len(room.free)))
     values = [
@@ -175,14 +175,14 @@ def _seeds(room: Room, others: bool) -> tuple[FloatArray, list[str]]:
     return np.vstack([seeds, *(np.asarray(q)[None] for q in more)]), notes
 
 
-def _curve(room: Room, raw: Mapping[str, Any]) -> SingularCurve:
+def _curve(room: Ranged, raw: Mapping[str, Any]) -> SingularCurve:
     firsts = np.cumsum([0, *(len(axis.goals) for axis in room.axes)])
     goals = {axis.key: raw["goals"][:, first + axis.varying] for axis, first in zip(room.axes, firsts, strict=False)}
     ends = tuple(ENDS[end] for end in raw["ends"] or ())
     return SingularCurve(raw["q"], goals, raw["measure"], ends, room.model, room.layout, room.start.t)
 
 
-def _joined(room: Room, points: list[SingularCurve]) -> SingularCurve:
+def _joined(room: Ranged, points: list[SingularCurve]) -> SingularCurve:
     """Single positions together, in the order of the first goal that varies."""
     nq = room.model.core.nq
     keys = [axis.key for axis in room.axes]

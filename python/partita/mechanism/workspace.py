@@ -17,7 +17,7 @@ from ..state import State
 from .branches import name_of
 from .goals import goals_of, inputs_of
 from .models import Modelled
-from .ranges import Room, keys_of, room_of, with_actuators
+from .ranges import Ranged, keys_of, room_of, with_actuators
 from .singularities import outputs_of
 
 FloatArray = NDArray[np.float64]
@@ -132,7 +132,7 @@ def least_value(scaled: FloatArray, k: int) -> FloatArray:
     return margin
 
 
-def _point(room: Room, of: Any, q: FloatArray) -> FloatArray:
+def _point(room: Ranged, of: Any, q: FloatArray) -> FloatArray:
     """Positions of a point given as (body, (x, y, z))."""
     if not isinstance(of, tuple) or len(of) != 2:
         raise ArgumentError(
@@ -145,7 +145,7 @@ def _point(room: Room, of: Any, q: FloatArray) -> FloatArray:
     return found
 
 
-def _outputs(room: Room, wanted: Any, q: FloatArray) -> FloatArray:
+def _outputs(room: Ranged, wanted: Any, q: FloatArray) -> FloatArray:
     """The margin of the outputs at the rows of q."""
     goals = outputs_of(room, keys_of("outputs", wanted))
     still = np.zeros((len(q), len(goals)))
@@ -155,7 +155,7 @@ def _outputs(room: Room, wanted: Any, q: FloatArray) -> FloatArray:
     return found
 
 
-def _sheets(room: Room, values: FloatArray, seeds: FloatArray) -> tuple[dict[str, FloatArray], list[str]]:
+def _sheets(room: Ranged, values: FloatArray, seeds: FloatArray) -> tuple[dict[str, FloatArray], list[str]]:
     """Coordinates on each branch of the loops for these values; none where they are not solved in closed form."""
     core, start = room.model.core, room.start
     inputs = inputs_of(room.goals, room.model)

@@ -55,7 +55,7 @@ def digest(arrays: list[FloatArray]) -> str:
     return sha.hexdigest()
 
 
-class Kept:
+class MemberStore:
     """The store of an ensemble under way."""
 
     def __init__(self, folder: Path, arrays: list[FloatArray]) -> None:
@@ -108,7 +108,7 @@ def _damaged(folder: Path, name: str) -> FileFormatError:
 
 
 @contextmanager
-def opened(path: Any, shapes: list[tuple[int, int, int]], whose: Callable[[], str | None]) -> Iterator[Kept]:
+def opened(path: Any, shapes: list[tuple[int, int, int]], whose: Callable[[], str | None]) -> Iterator[MemberStore]:
     """The store at `path`, new or continued, locked for this process; `whose` tells which ensemble it is of."""
     folder = path_of(path, "store")
     if folder.exists() and not folder.is_dir():
@@ -141,7 +141,7 @@ def opened(path: Any, shapes: list[tuple[int, int, int]], whose: Callable[[], st
             raise _damaged(folder, "q.npy or v.npy") from error
         if [x.shape for x in arrays] != [tuple(x) for x in shapes] or any(x.dtype != np.float64 for x in arrays):
             raise _damaged(folder, "q.npy or v.npy")
-        yield Kept(folder, arrays)
+        yield MemberStore(folder, arrays)
 
 
 def _made(folder: Path, shapes: list[tuple[int, int, int]]) -> None:

@@ -162,7 +162,7 @@ def mechanism(bars: FourBar, x: Array, rng: np.random.Generator) -> pt.Mechanism
 
 
 @dataclass(frozen=True)
-class Seen:
+class Trial:
     """What a run did: "right", "stopped" (with a message), "wrong" (with success); singular positions reported and
     crossed; whether its success is the same after the certificate was read."""
 
@@ -173,7 +173,7 @@ class Seen:
     steady: bool = True
 
 
-def trial(family: str, seed: int, rtol: float, formulation: str = "projective", coordinates: str = "relative") -> Seen:
+def trial(family: str, seed: int, rtol: float, formulation: str = "projective", coordinates: str = "relative") -> Trial:
     """One linkage, moved for some seconds without forces."""
     rng = np.random.default_rng([seed, list(FAMILIES).index(family)])
     bars, x = start(family, rng)
@@ -210,4 +210,4 @@ def trial(family: str, seed: int, rtol: float, formulation: str = "projective", 
     name = f"{family} {seed}, rtol {rtol:g}, {formulation}, {coordinates}"
     words = f"{name}: {beside:.1e} beside, {lost:.1e} lost; {run.message}"
     reported = sum(int(note.split()[0]) for note in run.notes if "were crossed" in note)
-    return Seen(outcome, reported, int(least.sum()), words, steady)
+    return Trial(outcome, reported, int(least.sum()), words, steady)

@@ -6,7 +6,7 @@ import sys
 from collections import Counter
 from multiprocessing import Pool
 
-from . import CLOSED, FAMILIES, FULL, Seen, trial
+from . import CLOSED, FAMILIES, FULL, Trial, trial
 
 USUAL = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 """The default tolerance and tighter ones: here no run may be wrong."""
@@ -14,7 +14,7 @@ LOOSE = (1e-4, 1e-5, 1e-6)
 """A step of these is long and inconclusive: counted and reported."""
 
 
-def one(task: tuple[tuple[float, ...], int]) -> Seen:
+def one(task: tuple[tuple[float, ...], int]) -> Trial:
     """Every family at every tolerance, one after the other."""
     tolerances, number = task
     seed, rest = divmod(number, len(FAMILIES) * len(tolerances))
@@ -26,13 +26,13 @@ EVERY = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 """What forms that integrate all velocities, and those in 2k states, are tried at: no run may be wrong with success."""
 
 
-def of_a_form(task: tuple[str, float, int]) -> Seen:
+def of_a_form(task: tuple[str, float, int]) -> Trial:
     """A crossed parallelogram, in a form that integrates all velocities or closes the loop in every evaluation."""
     formulation, tolerance, seed = task
     return trial("crossed parallelogram", seed, tolerance, formulation)
 
 
-def in_absolute_coordinates(task: tuple[str, float, int]) -> Seen:
+def in_absolute_coordinates(task: tuple[str, float, int]) -> Trial:
     """Every linkage by the positions of its bars, where dead points of the coordinates lie in singular positions."""
     family, tolerance, seed = task
     return trial(family, seed, tolerance, coordinates="absolute")
@@ -59,7 +59,7 @@ def main(count: int) -> int:
     return reported("at the default tolerance and tighter", found)
 
 
-def reported(where: str, found: list[Seen]) -> int:
+def reported(where: str, found: list[Trial]) -> int:
     """Print what was counted and the first that went wrong; 1 if any did."""
     count = len(found)
     outcomes = Counter(x.outcome for x in found)

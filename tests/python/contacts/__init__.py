@@ -24,7 +24,7 @@ NUDGE = 1e-8
 
 
 @dataclass(frozen=True)
-class Seen:
+class Trial:
     """One run: which, how it ended, its error over the tolerance and the growth."""
 
     family: str
@@ -46,7 +46,7 @@ class Seen:
         return "right" if self.error <= ALLOWED else "wrong"
 
 
-def trial(family: str, seed: int) -> list[Seen]:
+def trial(family: str, seed: int) -> list[Trial]:
     """A drawn case at every tolerance with every number of outputs."""
     case = FAMILIES[family](np.random.default_rng([seed, list(FAMILIES).index(family)]))
     m, start, end = case.mechanism, case.start, case.time
@@ -57,7 +57,7 @@ def trial(family: str, seed: int) -> list[Seen]:
         beside.q[0] += NUDGE
     reference, other = (m.simulate(end, t_eval=[end], initial=s, **tight) for s in (start, beside))
     if not (reference.success and other.success):
-        return [Seen(family, seed, 0.0, 0, False, "", np.inf, f"the reference: {reference.message} {other.message}")]
+        return [Trial(family, seed, 0.0, 0, False, "", np.inf, f"the reference: {reference.message} {other.message}")]
     fastest = np.abs(reference.v).max()
     growth = max(1.0, float(np.abs(other.v - reference.v).max() / fastest / NUDGE))
     found = []
@@ -68,7 +68,7 @@ def trial(family: str, seed: int) -> list[Seen]:
                 float(np.abs(run.v[-1] - reference.v[-1]).max() / fastest / rtol / growth) if run.success else np.inf
             )
             found.append(
-                Seen(
+                Trial(
                     family,
                     seed,
                     rtol,

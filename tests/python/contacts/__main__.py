@@ -6,10 +6,10 @@ import sys
 from collections import Counter
 from multiprocessing import Pool
 
-from . import FAMILIES, Seen, trial
+from . import FAMILIES, Trial, trial
 
 
-def case(number: int) -> list[Seen]:
+def case(number: int) -> list[Trial]:
     """The families in turn."""
     seed, family = divmod(number, len(FAMILIES))
     return trial(list(FAMILIES)[family], seed)

@@ -52,7 +52,7 @@ class Kinked:
 
 
 @dataclass(frozen=True)
-class Found:
+class Trial:
     """What became of one: "right", "wrong", "refused" where it should not have been."""
 
     outcome: str
@@ -116,7 +116,7 @@ def _driven(where: str, law: Callable[[Any], Any]) -> pt.Mechanism:
     return m
 
 
-def trial(seed: int, opaque: bool = False) -> Found:
+def trial(seed: int, opaque: bool = False) -> Trial:
     """One motion by chance: what became of it. `opaque`: prescribed by a function that only Python can evaluate."""
     rng = np.random.default_rng(seed)
     where, kind = str(rng.choice(WHERE)), str(rng.choice(NOT_SMOOTH))
@@ -146,7 +146,7 @@ def trial(seed: int, opaque: bool = False) -> Found:
             t = _time_of(law.at)
         return _refused(run, t, case)
     if not run.success:
-        return Found("refused", f"{case}: {run.message}")
+        return Trial("refused", f"{case}: {run.message}")
     before, after = _driven(where, law.before()), _driven(where, law.beyond)
     worst = 0.0
     kinked = _time_of(law.at) if where == "cam driven" else law.at
@@ -162,7 +162,7 @@ def trial(seed: int, opaque: bool = False) -> Found:
     if where == "rate of a four-bar":
         travelled = quad(law, 0.0, END, points=[law.at], epsabs=1e-13, epsrel=1e-13)[0]
         worst = abs(float(run.joint(joint).position[-1, 0]) - travelled)
-    return Found("right" if worst < 1e-6 else "wrong", f"{case}: off by {worst:.1e}")
+    return Trial("right" if worst < 1e-6 else "wrong", f"{case}: off by {worst:.1e}")
 
 
 def _time_of(x: float) -> float:
@@ -173,7 +173,7 @@ def _time_of(x: float) -> float:
     return float(t)
 
 
-def _free(where: str, kind: str, law: Kinked, options: dict[str, Any], case: str, rate: float) -> Found:
+def _free(where: str, kind: str, law: Kinked, options: dict[str, Any], case: str, rate: float) -> Trial:
     """Held against the quadrature of the energy integral, t = integral of dx / x'."""
     slide, follower, gravity = (1.0, 0.5, 0.0) if where == "cam free" else (1.5, 1.0, 2.0)
     m = _cam(law, None) if where == "cam free" else _bead(law, gravity)
@@ -203,17 +203,17 @@ def _free(where: str, kind: str, law: Kinked, options: dict[str, Any], case: str
     if kind != "second" and (kinked := time(law.at)) < END:
         return _refused(run, kinked, case)
     if not run.success:
-        return Found("refused", f"{case}: {run.message}")
+        return Trial("refused", f"{case}: {run.message}")
     off = abs(time(float(x[-1])) - END)
-    return Found("right" if off < 1e-6 else "wrong", f"{case}: off by {off:.1e} s")
+    return Trial("right" if off < 1e-6 else "wrong", f"{case}: off by {off:.1e} s")
 
 
-def _refused(run: pt.Result, t: float, case: str) -> Found:
+def _refused(run: pt.Result, t: float, case: str) -> Trial:
     """It must stop there, with the name of who jumps and the time."""
     if run.success:
-        return Found("wrong", f"{case}: success")
+        return Trial("wrong", f"{case}: success")
     named = re.search(r"(the law|cam|curve|constraint).* jumps by .* at t = ([0-9.e+-]+)[:,]", run.message)
     if named is None or "the law" not in run.message:
-        return Found("unnamed", f"{case}: {run.message}")
+        return Trial("unnamed", f"{case}: {run.message}")
     near = abs(float(named.group(2).rstrip(".")) - t) < 1e-3
-    return Found("right" if near else "elsewhere", f"{case}: {run.message}")
+    return Trial("right" if near else "elsewhere", f"{case}: {run.message}")

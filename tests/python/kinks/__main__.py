@@ -6,13 +6,13 @@ import sys
 from collections import Counter
 from multiprocessing import Pool
 
-from . import Found, trial
+from . import Trial, trial
 
 
 def main(count: int) -> int:
     """Print what was counted and what went wrong; 1 if anything did."""
     with Pool(os.cpu_count()) as pool:
-        found: list[Found] = pool.map(trial, range(count), chunksize=8)
+        found: list[Trial] = pool.map(trial, range(count), chunksize=8)
     outcomes = Counter(x.outcome for x in found)
     print(f"{count} motions that are not smooth: " + ", ".join(f"{n} {what}" for what, n in sorted(outcomes.items())))
     for x in [x for x in found if x.outcome != "right"][:20]:

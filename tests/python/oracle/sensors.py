@@ -25,7 +25,7 @@ Places = dict[str, Pose]
 Value = Callable[[Places], Any]
 
 
-class Asked:
+class SensorsAsked:
     """A mechanism with sensors, and for each what it is: a value of the poses, of the order of a derivative."""
 
     def __init__(self, drawing: Drawing) -> None:
@@ -136,7 +136,7 @@ def difference(value: Value, order: int, path: Callable[[float], Places], h: flo
 def compare_sensors(drawing: Drawing) -> Verdict:
     """Every sensor at every output of a short run."""
     verdict = Verdict()
-    asked = Asked(drawing)
+    asked = SensorsAsked(drawing)
     try:
         asked.all()
         of_forces = add_force_sensors(asked)
@@ -172,7 +172,7 @@ def pace_of(drawing: Drawing, found: Motion, poses: Places) -> float:
     return max(rates)
 
 
-def motions(asked: Asked, run: Any, i: int, found: Motion, poses: Places, verdict: Verdict) -> None:
+def motions(asked: SensorsAsked, run: Any, i: int, found: Motion, poses: Places, verdict: Verdict) -> None:
     """What follows from the motion of bodies."""
     drawing, pace = asked.drawing, pace_of(asked.drawing, found, poses)
     extent = max([drawing.size, *(float(np.linalg.norm(p.x)) for p in poses.values())])
@@ -199,7 +199,7 @@ def motions(asked: Asked, run: Any, i: int, found: Motion, poses: Places, verdic
 class Forces:
     """Sensors of joints, forces and drives."""
 
-    def __init__(self, asked: Asked) -> None:
+    def __init__(self, asked: SensorsAsked) -> None:
         self.asked = asked
         self.turning: list[tuple[str, str, str]] = []
 
@@ -283,7 +283,7 @@ class Forces:
         verdict.seen("power balance", abs(gained - power) / max(moved_at, abs(power), 1e-300), 1e-7, words)
 
 
-def add_force_sensors(asked: Asked) -> Forces:
+def add_force_sensors(asked: SensorsAsked) -> Forces:
     """Sensors of turning bodies, joints, forces and drives."""
     m, found = asked.mechanism, Forces(asked)
     for b in asked.drawing.bodies[:2]:

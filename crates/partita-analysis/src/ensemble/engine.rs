@@ -1,6 +1,6 @@
 //! The programs of all choices that members need, and which member takes which.
 
-use super::lanes::{Lanes32, Left, Member};
+use super::lanes::{Lanes32, LeavingMember, Member};
 use super::{admissible, scouted, worded, Members, Scouted, MOST_DOF};
 use crate::outputs::Rows;
 use partita_integrate::options::Options;
@@ -146,7 +146,7 @@ impl Engines {
     }
 
     /// Memory of one thread.
-    pub fn room(&self) -> Vec<Engine> {
+    pub fn memory(&self) -> Vec<Engine> {
         let engine = |choice: &Arc<Choice>| {
             let lanes = Lanes32::new(choice.clone(), &self.options)?;
             Some(Engine { lanes, one: choice.programs.end.work(), waiting: Vec::new() })
@@ -155,9 +155,9 @@ impl Engines {
     }
 
     /// The choice that serves a member best: of those without a better one the one with the largest pivots.
-    fn best(&self, member: &Member, what: &Members, room: &mut [Engine]) -> Option<usize> {
+    fn best(&self, member: &Member, what: &Members, memory: &mut [Engine]) -> Option<usize> {
         let mut best: Option<(bool, f64, usize)> = None;
-        for (c, engine) in room.iter_mut().enumerate() {
+        for (c, engine) in memory.iter_mut().enumerate() {
             set(&self.choices[c], &mut engine.one, (member.t, &member.q, &member.v), what.numbers(member.index));
             let found = self.choices[c].fitness(&engine.one);
             let good = found.gain <= self.threshold;
@@ -177,7 +177,7 @@ impl Engines {
         model: &Model,
         what: &Members,
         members: Range<usize>,
-        room: &mut [Engine],
+        memory: &mut [Engine],
         rows: &mut Rows,
         left: &mut Vec<usize>,
     ) {
@@ -185,25 +185,25 @@ impl Engines {
             let (q, v) = what.state(model, index);
             let finite = q.iter().chain(v).all(|x| x.is_finite());
             let member = Member::new(index, what.request.t0, q, v);
-            match (finite && admissible(model, what, index)).then(|| self.best(&member, what, room)).flatten() {
-                Some(c) => room[c].waiting.push(member),
+            match (finite && admissible(model, what, index)).then(|| self.best(&member, what, memory)).flatten() {
+                Some(c) => memory[c].waiting.push(member),
                 None => left.push(index),
             }
         }
-        while let Some(c) = (0..room.len()).max_by_key(|&c| room[c].waiting.len()) {
-            let mut waiting = std::mem::take(&mut room[c].waiting);
+        while let Some(c) = (0..memory.len()).max_by_key(|&c| memory[c].waiting.len()) {
+            let mut waiting = std::mem::take(&mut memory[c].waiting);
             if waiting.is_empty() {
                 break;
             }
             // the first in the list begins first
             waiting.reverse();
             let mut moved = Vec::new();
-            room[c].lanes.run(model, what, &mut waiting, rows, self.threshold, &mut |x| moved.push(x));
+            memory[c].lanes.run(model, what, &mut waiting, rows, self.threshold, &mut |x| moved.push(x));
             for x in moved {
                 match x {
-                    Left::Alone(index) => left.push(index),
-                    Left::Elsewhere(member) => match self.best(&member, what, room) {
-                        Some(to) if to != c || member.fits => room[to].waiting.push(member),
+                    LeavingMember::Alone(index) => left.push(index),
+                    LeavingMember::Elsewhere(member) => match self.best(&member, what, memory) {
+                        Some(to) if to != c || member.fits => memory[to].waiting.push(member),
                         _ => left.push(member.index),
                     },
                 }

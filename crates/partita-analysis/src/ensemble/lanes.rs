@@ -68,7 +68,7 @@ impl Member {
 }
 
 /// A member that leaves.
-pub(super) enum Left {
+pub(super) enum LeavingMember {
     /// To an ordinary run, from its start.
     Alone(usize),
     /// To another choice.
@@ -144,7 +144,7 @@ impl Lanes32 {
         waiting: &mut Vec<Member>,
         rows: &mut Rows,
         threshold: f64,
-        leave: &mut dyn FnMut(Left),
+        leave: &mut dyn FnMut(LeavingMember),
     ) {
         loop {
             self.rounds = self.rounds.wrapping_add(1);
@@ -170,7 +170,13 @@ impl Lanes32 {
 
     // ---- members in and out
 
-    fn refill(&mut self, what: &Members, waiting: &mut Vec<Member>, rows: &mut Rows, leave: &mut dyn FnMut(Left)) {
+    fn refill(
+        &mut self,
+        what: &Members,
+        waiting: &mut Vec<Member>,
+        rows: &mut Rows,
+        leave: &mut dyn FnMut(LeavingMember),
+    ) {
         let mut changed = false;
         for l in 0..LANES {
             if self.slots[l].is_some() {
@@ -221,7 +227,13 @@ impl Lanes32 {
     }
 
     /// Slopes and first steps of some members, which come off the list.
-    fn make_ready(&mut self, what: &Members, waiting: &mut Vec<Member>, rows: &mut Rows, leave: &mut dyn FnMut(Left)) {
+    fn make_ready(
+        &mut self,
+        what: &Members,
+        waiting: &mut Vec<Member>,
+        rows: &mut Rows,
+        leave: &mut dyn FnMut(LeavingMember),
+    ) {
         let choice = self.choice.clone();
         let (p, [nq, nv, k, _]) = (&choice.programs, choice.programs.sizes);
         let dim = nq + k;
@@ -275,7 +287,7 @@ impl Lanes32 {
                     (0..nq).all(|i| (corrected(i) - member.q[i]).abs() <= tolerance::CLOSED_IN_RUN * choice.sizes[i]);
                 let along = (0..nv).all(|i| (velocity(i) - member.v[i]).abs() <= tolerance::WORST_ROUNDING * fastest);
                 if !(closed && along && slope.iter().all(|x| x.is_finite())) {
-                    leave(Left::Alone(member.index));
+                    leave(LeavingMember::Alone(member.index));
                     continue;
                 }
                 let guess = guesses[l].min(span);
@@ -313,9 +325,9 @@ impl Lanes32 {
         Some(member)
     }
 
-    fn send_away(&mut self, l: usize, leave: &mut dyn FnMut(Left)) {
+    fn send_away(&mut self, l: usize, leave: &mut dyn FnMut(LeavingMember)) {
         if let Some(member) = self.slots[l].take() {
-            leave(Left::Alone(member.index));
+            leave(LeavingMember::Alone(member.index));
         }
         self.rest(l);
     }
@@ -385,7 +397,7 @@ impl Lanes32 {
     }
 
     /// Lanes whose step is taken; the others try a shorter one, or leave.
-    fn judge(&mut self, what: &Members, errors: &Eights, leave: &mut dyn FnMut(Left)) -> Vec<usize> {
+    fn judge(&mut self, what: &Members, errors: &Eights, leave: &mut dyn FnMut(LeavingMember)) -> Vec<usize> {
         let choice = self.choice.clone();
         let (p, [nq, _, k, rank]) = (&choice.programs, choice.programs.sizes);
         let shortest = tolerance::SOLUTION_ROUNDING * (what.request.t_end - what.request.t0);
@@ -421,9 +433,9 @@ impl Lanes32 {
                 match self.take(l) {
                     Some(mut member) if again => {
                         member.fits = false;
-                        leave(Left::Elsewhere(member));
+                        leave(LeavingMember::Elsewhere(member));
                     }
-                    Some(member) => leave(Left::Alone(member.index)),
+                    Some(member) => leave(LeavingMember::Alone(member.index)),
                     None => {}
                 }
                 self.rest(l);
@@ -443,7 +455,13 @@ impl Lanes32 {
     }
 
     /// The outputs inside the steps that are taken; those whose outputs close.
-    fn outputs(&mut self, what: &Members, taken: &[usize], rows: &mut Rows, leave: &mut dyn FnMut(Left)) -> Vec<usize> {
+    fn outputs(
+        &mut self,
+        what: &Members,
+        taken: &[usize],
+        rows: &mut Rows,
+        leave: &mut dyn FnMut(LeavingMember),
+    ) -> Vec<usize> {
         let choice = self.choice.clone();
         let (p, [nq, nv, k, _]) = (&choice.programs, choice.programs.sizes);
         let due = |m: &Member, t_new: f64| what.t_eval.get(m.next).copied().filter(|t| *t <= t_new);
@@ -503,7 +521,7 @@ impl Lanes32 {
         errors: &Eights,
         rows: &mut Rows,
         threshold: f64,
-        leave: &mut dyn FnMut(Left),
+        leave: &mut dyn FnMut(LeavingMember),
     ) {
         let choice = self.choice.clone();
         let (p, [nq, nv, k, rank]) = (&choice.programs, choice.programs.sizes);
@@ -542,7 +560,7 @@ impl Lanes32 {
                 if let Some(mut member) = self.take(l) {
                     let v: Vec<f64> = (0..nv).map(|i| get(&self.end, &p.end, 2 * nq + k + i, l)).collect();
                     (member.v, member.fits) = (v, true);
-                    leave(Left::Elsewhere(member));
+                    leave(LeavingMember::Elsewhere(member));
                 }
                 self.rest(l);
             }

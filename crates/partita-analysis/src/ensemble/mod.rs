@@ -214,14 +214,14 @@ pub fn ensemble(
     };
     let cores = if model.calls_functions() { Some(1) } else { what.workers };
     let batch = if chunk == usize::MAX { 1 } else { chunk };
-    let row = |i: usize, room: &mut Vec<Engine>, rows: &mut Rows| {
+    let row = |i: usize, memory: &mut Vec<Engine>, rows: &mut Rows| {
         if i % batch != 0 {
             return Ok::<(), AnalysisError>(());
         }
         let members = i..what.count.min(i + batch);
         let mut left: Vec<usize> = Vec::new();
         match &engines {
-            Some(engines) => engines.run(model, what, members.clone(), room, rows, &mut left),
+            Some(engines) => engines.run(model, what, members.clone(), memory, rows, &mut left),
             None => left.extend(members.clone()),
         }
         for i in left {
@@ -238,7 +238,7 @@ pub fn ensemble(
         }
         Ok(())
     };
-    let scratch = || engines.as_ref().map_or_else(Vec::new, Engines::room);
+    let scratch = || engines.as_ref().map_or_else(Vec::new, Engines::memory);
     let mut done = || watch(finished.load(Ordering::Relaxed) as f64 / what.count.max(1) as f64);
     let watching: Watch = &mut done;
     let mut found = tables_on((cores, LEAST), what.count, &widths, chunk, scratch, row, watching)?.into_iter();

@@ -31,19 +31,19 @@ pub fn measures(
     let Some(regular) = regular else { return Ok((0, Vec::new(), vec![0.0; count])) };
     let rank = regular.rank;
     let k = size.nv - rank;
-    let set = |i: usize, room: &mut crate::inverse::Room, rows: &mut Rows| {
+    let set = |i: usize, memory: &mut crate::inverse::InverseScratch, rows: &mut Rows| {
         rows.row(0, i).fill(f64::NAN);
         if !finite(row_of(i)) {
             return Ok(());
         }
-        match inverse.set(t, row_of(i), room) {
+        match inverse.set(t, row_of(i), memory) {
             Ok(found) => rows.row(0, i).copy_from_slice(found.scaled().data()),
             Err(AnalysisError::System(SystemError::Singular { .. } | SystemError::SingularStart { .. })) => {}
             Err(e) => return Err(e),
         }
         Ok(())
     };
-    let found = tables(count, &[k * s], chunk_of(model), || inverse.room(rank), set, watch)?;
+    let found = tables(count, &[k * s], chunk_of(model), || inverse.memory(rank), set, watch)?;
     let weakest = weakest_constraints(model, t, (q, rank), watch)?;
     Ok((k, found.into_iter().next().unwrap_or_default(), weakest))
 }

@@ -12,7 +12,9 @@ use partita_math::factor::{least_squares_min_norm, svd, svd_full, Svd};
 use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
-use partita_system::manifold::{close, Closed, ClosureError, Ending, Linearization, Part, Residuals, Room, Rule};
+use partita_system::manifold::{
+    close, Closed, ClosingScratch, ClosureError, Ending, Linearization, Part, Residuals, Rule,
+};
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
@@ -82,12 +84,12 @@ pub(super) struct Slice<'m> {
     /// Rank of the constraints, and dimension of the slice.
     rank: usize,
     pub dimension: usize,
-    inverse: Option<inverse::Room>,
+    inverse: Option<inverse::InverseScratch>,
     /// Outputs that rest everywhere, such as those across the plane.
     resting: Vec<bool>,
     scratch: ModelScratch,
     rest: Vec<f64>,
-    room: Room,
+    memory: ClosingScratch,
 }
 
 impl<'m> Slice<'m> {
@@ -152,7 +154,7 @@ impl<'m> Slice<'m> {
             }
         }
         let inverse = match set {
-            Set::Actuators(x) => Some(x.room(0)),
+            Set::Actuators(x) => Some(x.memory(0)),
             _ => None,
         };
         Self {
@@ -168,7 +170,7 @@ impl<'m> Slice<'m> {
             resting: Vec::new(),
             scratch: model.scratch(),
             rest: vec![0.0; n],
-            room: Room::default(),
+            memory: ClosingScratch::default(),
         }
     }
 
@@ -259,17 +261,17 @@ impl<'m> Slice<'m> {
         let n = self.rest.len();
         let displacement = &self.field.displacement;
         match (self.set, &mut self.inverse) {
-            (Set::Actuators(x), Some(room)) => {
+            (Set::Actuators(x), Some(memory)) => {
                 // where E is the same everywhere, once
-                if !x.is_constant() || room.columns.iter().any(Vec::is_empty) {
-                    x.columns(self.field.t, q, room)?;
+                if !x.is_constant() || memory.columns.iter().any(Vec::is_empty) {
+                    x.columns(self.field.t, q, memory)?;
                 }
                 let row = |(j, column): (usize, &Vec<(usize, f64)>)| {
                     let (mut row, size) = (vec![0.0; n], x.size(j));
                     column.iter().for_each(|&(i, e)| row[i] += e * displacement[i] / size);
                     row
                 };
-                Ok(room.columns.iter().enumerate().map(row).collect())
+                Ok(memory.columns.iter().enumerate().map(row).collect())
             }
             (Set::Outputs(targets), _) => {
                 let mut rows = Vec::with_capacity(targets.len());
@@ -423,15 +425,15 @@ impl<'m> Slice<'m> {
 
     /// Move q to the singular position next to it, by this rule of closing; how it ended, with the place.
     pub fn locate(&mut self, q: &mut [f64], longest: f64) -> Result<(Closed, Option<Evaluation>), SystemError> {
-        let mut room = std::mem::take(&mut self.room);
+        let mut memory = std::mem::take(&mut self.memory);
         let mut approach = Approach { slice: self, place: None, error: ClosureError::default() };
         let rule = TO_SINGULAR.cut(longest.min(LONGEST_APPROACH));
         let closed = match approach.slice.set {
             Set::Constraints => approach.slice.locate_constraints(q, longest),
-            _ => close(&mut approach, q, &rule, &mut room),
+            _ => close(&mut approach, q, &rule, &mut memory),
         };
         let place = approach.place.take();
-        self.room = room;
+        self.memory = memory;
         let closed = closed?;
         let place = match place {
             None if closed.is_closed() => Some(self.look(q)?),

@@ -114,8 +114,8 @@ pub fn joint_accelerations(
         }
         Ok(())
     };
-    let room = || (model.scratch(), dof.clone());
-    tables(states.len(), &[dof.len()], 1, room, row, watch)
+    let memory = || (model.scratch(), dof.clone());
+    tables(states.len(), &[dof.len()], 1, memory, row, watch)
 }
 
 /// Kinetic and potential energy. User functions that have a potential are called once per output.
@@ -215,8 +215,8 @@ pub fn load(
         Ok(())
     };
     let wide = 3 * bodies;
-    let room = || model.scratch();
-    let mut found = tables(states.len(), &[1, 1, 1, wide, wide, wide], chunk_of(model), room, row, watch)?;
+    let memory = || model.scratch();
+    let mut found = tables(states.len(), &[1, 1, 1, wide, wide, wide], chunk_of(model), memory, row, watch)?;
     if let Some(potential) = potential_of(model, states, number, watch)? {
         found[1] = potential;
     }

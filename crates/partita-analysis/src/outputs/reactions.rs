@@ -4,7 +4,7 @@ use super::chunk_of;
 use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
 use crate::error::AnalysisError;
-use crate::sharing::{with_rule_for_loads, Room, Rule};
+use crate::sharing::{with_rule_for_loads, Rule, SharingScratch};
 use partita_model::model::ModelScratch;
 use partita_model::reaction::Wrench;
 use partita_model::Model;
@@ -34,8 +34,11 @@ pub fn shares(model: &Model, states: &States, forces: &Forces) -> Result<bool, A
 }
 
 /// Scratch memory of a thread: that of the model, and that of the rule where there is one.
-fn rooms<'a>(model: &'a Model, rule: Option<&'a Rule>) -> impl Fn() -> (ModelScratch, Option<Room<'a>>) + 'a {
-    move || (model.scratch(), rule.map(Rule::room))
+fn scratches<'a>(
+    model: &'a Model,
+    rule: Option<&'a Rule>,
+) -> impl Fn() -> (ModelScratch, Option<SharingScratch<'a>>) + 'a {
+    move || (model.scratch(), rule.map(Rule::memory))
 }
 
 /// Force, moment, efforts of the drives and axes of one joint, for a motion with its accelerations and multipliers.
@@ -54,14 +57,14 @@ pub fn reaction(
     let dof = model.placed.joints[j].shape.dof();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let part = if rule.is_some() { model.whole().clone() } else { model.part_of_reaction(j) };
-        let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
+        let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut drives = model.drive_of(j, lambda);
-            let w = match (rule, room) {
-                (Some(rule), Some(room)) => {
+            let w = match (rule, memory) {
+                (Some(rule), Some(memory)) => {
                     let mut joints = model.reactions_of(&part, t, q, v, vdot, lambda, s)?.joints;
                     let mut shared = lambda.to_vec();
-                    rule.share(t, q, &mut joints, &mut shared, room)?;
+                    rule.share(t, q, &mut joints, &mut shared, memory)?;
                     drives = model.drive_of(j, &shared);
                     joints[j]
                 }
@@ -73,7 +76,7 @@ pub fn reaction(
             rows.row(3, i).copy_from_slice(model.joint_frame(j, s).0.as_flattened());
             Ok(())
         };
-        tables(states.len(), &[3, 3, dof, JOINT_AXES], chunk_of(model), rooms(model, rule), row, watch)
+        tables(states.len(), &[3, 3, dof, JOINT_AXES], chunk_of(model), scratches(model, rule), row, watch)
     })
 }
 
@@ -92,13 +95,13 @@ pub fn reactions(
     let (whole, nj) = (model.whole(), model.placed.joints.len());
     let dof: usize = model.placed.joints.iter().map(|p| p.shape.dof()).sum();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
-        let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
+        let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut r = model.reactions_of(whole, t, q, v, vdot, lambda, s)?;
             let mut shared = lambda.to_vec();
-            if let (Some(rule), Some(room)) = (rule, room) {
+            if let (Some(rule), Some(memory)) = (rule, memory) {
                 let mut joints = r.joints.clone();
-                rule.share(t, q, &mut joints, &mut shared, room)?;
+                rule.share(t, q, &mut joints, &mut shared, memory)?;
                 let change: Vec<f64> = shared.iter().zip(lambda).map(|(x, y)| x - y).collect();
                 model.replace_reactions(&mut r, &joints, (t, q, &change), s)?;
                 for d in &model.drives {
@@ -121,7 +124,7 @@ pub fn reactions(
         };
         let conditions = model.size().rows - model.closing_rows;
         let widths = [3 * nj, 3 * nj, dof, JOINT_AXES * nj, 1, model.placed.bodies.len(), conditions];
-        tables(states.len(), &widths, chunk_of(model), rooms(model, rule), row, watch)
+        tables(states.len(), &widths, chunk_of(model), scratches(model, rule), row, watch)
     })
 }
 
@@ -137,16 +140,16 @@ pub fn augmented(
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let nj = model.placed.joints.len();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
-        let row = |i: usize, (s, room): &mut (ModelScratch, Option<Room>), rows: &mut Rows| {
+        let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut joints = model.augmented_reactions(t, q, v, vdot, lambda, s)?;
-            if let (Some(rule), Some(room)) = (rule, room) {
-                rule.share(t, q, &mut joints, &mut lambda.to_vec(), room)?;
+            if let (Some(rule), Some(memory)) = (rule, memory) {
+                rule.share(t, q, &mut joints, &mut lambda.to_vec(), memory)?;
             }
             write(rows, i, &joints);
             Ok(())
         };
-        tables(states.len(), &[3 * nj, 3 * nj], chunk_of(model), rooms(model, rule), row, watch)
+        tables(states.len(), &[3 * nj, 3 * nj], chunk_of(model), scratches(model, rule), row, watch)
     })
 }
 

@@ -72,10 +72,10 @@ pub(super) fn targets(model: &Model, t: f64, q: &[f64], wanted: &[(Target, f64)]
 }
 
 /// A model, a closed position of it, and the targets.
-type Asked = (Model, Vec<f64>, Vec<(Target, f64)>);
+type PoseRequest = (Model, Vec<f64>, Vec<(Target, f64)>);
 
 /// The same question in joint coordinates, where a gap shows in one joint instead of a little in all of them.
-fn by_joints(model: &Model, q: &[f64], wanted: &[(Target, f64)]) -> Option<Asked> {
+fn by_joints(model: &Model, q: &[f64], wanted: &[(Target, f64)]) -> Option<PoseRequest> {
     if model.coordinates() == Coordinates::Relative || wanted.iter().any(|(x, _)| x.own().is_some()) {
         return None;
     }

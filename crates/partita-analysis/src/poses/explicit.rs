@@ -5,7 +5,7 @@
 
 use super::continuation::Start;
 use super::goal::Target;
-use super::outcome::{Found, Outcome};
+use super::outcome::{Outcome, PoseNumbers};
 use crate::equilibrium::displacement_between;
 use crate::instant::Levels;
 use partita_math::tolerance;
@@ -157,13 +157,13 @@ impl<'m> Explicit<'m> {
         let [x] = self.targets else { return Ok(self) };
         let Some((at, _)) = x.own() else { return Ok(self) };
         let (from, step) = (self.q[at], tolerance::STRIDE * x.displacement);
-        let room = STORED / self.q.len().max(1);
+        let memory = STORED / self.q.len().max(1);
         let mut stations = Stations::default();
         for (path, direction) in stations.paths.iter_mut().zip([1.0, -1.0]) {
             let farthest = values.iter().fold(0.0, |far: f64, value| far.max(direction * (value - from)));
             self.begin();
             path.push((self.there.clone(), self.pivots.clone()));
-            while path.len() <= room && path.len() as f64 * step < farthest {
+            while path.len() <= memory && path.len() as f64 * step < farthest {
                 let value = from + direction * path.len() as f64 * step;
                 if self.advance(&[value], 1.0)? != Step::Taken {
                     break;
@@ -275,7 +275,7 @@ impl<'m> Explicit<'m> {
         Ok(None)
     }
 
-    pub fn pose(&mut self, values: &[f64]) -> Result<(Found, Vec<f64>), SystemError> {
+    pub fn pose(&mut self, values: &[f64]) -> Result<(PoseNumbers, Vec<f64>), SystemError> {
         self.begin();
         let (mut path, there, pivots) = self.station(values);
         let (there, pivots) = (there.to_vec(), pivots.to_vec());
@@ -303,11 +303,11 @@ impl<'m> Explicit<'m> {
                 return self.beyond(values, path.done, limit);
             }
         }
-        Ok((Found::closed(false), values.to_vec()))
+        Ok((PoseNumbers::closed(false), values.to_vec()))
     }
 
     /// The position found, NaN where the pose was not assembled.
-    pub fn write(&self, found: &Found, q: &mut [f64]) {
+    pub fn write(&self, found: &PoseNumbers, q: &mut [f64]) {
         match found.outcome {
             Outcome::Closed => q.copy_from_slice(&self.there),
             _ => q.fill(f64::NAN),
@@ -315,11 +315,11 @@ impl<'m> Explicit<'m> {
     }
 
     /// The direct path ends here, after this fraction: at a limit, or where branches meet.
-    fn beyond(&mut self, values: &[f64], done: f64, limit: bool) -> Result<(Found, Vec<f64>), SystemError> {
+    fn beyond(&mut self, values: &[f64], done: f64, limit: bool) -> Result<(PoseNumbers, Vec<f64>), SystemError> {
         let missing = self.close(values, 1.0)?;
         // a single goal has only one path; with several goals the signs define the branch, whatever the path
         if missing.is_none() && values.len() > 1 {
-            return Ok((Found::closed(true), values.to_vec()));
+            return Ok((PoseNumbers::closed(true), values.to_vec()));
         }
         let (shortfall, culprit) = missing.unwrap_or((0.0, 0));
         let at = |x: &Target| x.own().map_or(f64::NAN, |own| self.q[own.0]);
@@ -330,7 +330,7 @@ impl<'m> Explicit<'m> {
             Some(_) if self.other_branch(values)? => Outcome::OtherBranch,
             Some(_) => Outcome::Open,
         };
-        Ok((Found { outcome, shortfall, angle: 0.0, culprit, detour: false }, reached))
+        Ok((PoseNumbers { outcome, shortfall, angle: 0.0, culprit, detour: false }, reached))
     }
 
     /// Whether it closes with other signs.

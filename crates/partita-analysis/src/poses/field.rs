@@ -7,7 +7,7 @@ use partita_math::elimination::Pattern;
 use partita_math::least_norm::LeastNorm;
 use partita_math::tolerance;
 use partita_model::Model;
-use partita_system::manifold::{close, Closed, ClosureError, Linearization, Part, Residuals, Room, Rule};
+use partita_system::manifold::{close, Closed, ClosingScratch, ClosureError, Linearization, Part, Residuals, Rule};
 use partita_system::messages::not_finite;
 use partita_system::prelude::*;
 use partita_system::SystemError;
@@ -48,7 +48,7 @@ pub(crate) struct Field<'m> {
     pub duty: Vec<Duty>,
     mu: Vec<f64>,
     r: Vec<f64>,
-    room: Room,
+    memory: ClosingScratch,
     /// Displacement in characteristic displacements.
     pub dv: Vec<f64>,
     rest: Vec<f64>,
@@ -82,7 +82,7 @@ impl<'m> Field<'m> {
             duty: vec![Duty::Hard; rows],
             mu: vec![tolerance::DAMPING; rows],
             r: vec![0.0; rows],
-            room: Room::default(),
+            memory: ClosingScratch::default(),
             dv: vec![0.0; size.nv],
             rest: vec![0.0; size.nv],
             scaled: vec![0.0; size.nv],
@@ -187,9 +187,9 @@ impl<'m> Field<'m> {
     /// # Errors
     /// The errors of functions that the conditions call; `NotFinite` where nothing can be evaluated at q.
     pub fn close_hard(&mut self, q: &mut [f64], rule: &Rule) -> Result<Closed, SystemError> {
-        let mut room = std::mem::take(&mut self.room);
-        let closed = close(&mut Hard(self), q, rule, &mut room);
-        self.room = room;
+        let mut memory = std::mem::take(&mut self.memory);
+        let closed = close(&mut Hard(self), q, rule, &mut memory);
+        self.memory = memory;
         closed
     }
 

@@ -10,7 +10,7 @@ use super::goal::Target;
 use super::many::{put, RESULT};
 use super::nearest::nearly;
 use super::numeric::{Numeric, SHORTEST_NEAR};
-use super::outcome::{Found, Outcome};
+use super::outcome::{Outcome, PoseNumbers};
 use crate::error::AnalysisError;
 use crate::outputs::{whole, Watch};
 use partita_math::sorting::sort_by;
@@ -149,7 +149,7 @@ impl Flood<'_, '_> {
     }
 
     /// Write a pose.
-    fn enter(&mut self, i: usize, found: &Found, reached: &[f64]) {
+    fn enter(&mut self, i: usize, found: &PoseNumbers, reached: &[f64]) {
         let widths = [self.nq, self.width, RESULT];
         let mut rows = whole(&mut self.tables, &widths);
         put(found, reached, &mut rows, i);

@@ -5,7 +5,7 @@
 
 use super::explicit::{Explicit, Path};
 use super::many::put;
-use super::outcome::Found;
+use super::outcome::PoseNumbers;
 use crate::outputs::Rows;
 use partita_math::program::Work;
 use partita_math::scalar::Lanes;
@@ -95,7 +95,7 @@ impl PoseLanes {
                     self.lanes[l] = None;
                 } else if lane.next == 1.0 {
                     let (pose, values) = (lane.pose, of(lane.pose));
-                    put(&Found::closed(false), values, rows, pose);
+                    put(&PoseNumbers::closed(false), values, rows, pose);
                     let to = self.unchecked.len();
                     for (k, q) in rows.row(0, pose).iter_mut().enumerate() {
                         *q = self.work.get(&self.program.solve, k, l);

@@ -12,7 +12,7 @@ use super::goal::Target;
 use partita_math::scalar::{Cases, Lanes, Scalar};
 use partita_math::tolerance;
 use partita_model::evaluator::Evaluator;
-use partita_model::loop_closure::{Adjacent, AdjacentClosing, AdjacentRoom};
+use partita_model::loop_closure::{Adjacent, AdjacentClosing, AdjacentScratch};
 use partita_model::Model;
 use partita_system::manifold::follow::LONGEST_PREDICTION;
 use partita_system::manifold::least_change::FIRST_CORRECTION;
@@ -197,7 +197,7 @@ pub(super) struct LastSteps<'l, 'm> {
     /// The point of the lattice last looked up that is not stored.
     last: (Cell, Reached),
     cell: Cell,
-    room: AdjacentRoom<Lanes>,
+    memory: AdjacentScratch<Lanes>,
     q: Vec<Lanes>,
     dv: Vec<Lanes>,
     /// Stations of the poses of a batch.
@@ -217,7 +217,7 @@ impl<'l, 'm> LastSteps<'l, 'm> {
             lattice,
             last: (vec![0; lattice.targets.len()], Reached { station: lattice.first.clone(), is_own: true }),
             cell: Vec::with_capacity(lattice.targets.len()),
-            room: AdjacentRoom::new(lattice.model, &lattice.evaluator),
+            memory: AdjacentScratch::new(lattice.model, &lattice.evaluator),
             q: vec![Lanes::zero(); size.nq],
             dv: vec![Lanes::zero(); size.nv],
             stations: std::array::from_fn(|_| None),
@@ -341,7 +341,7 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         for (k, &(at, _)) in self.lattice.own.iter().enumerate() {
             indices.iter().enumerate().for_each(|(lane, index)| self.q[at].0[lane] = of[*index][k]);
         }
-        let adjacent = plan.close(model, e, Lanes::from_f64(self.lattice.t), &mut self.q, &mut self.room)?;
+        let adjacent = plan.close(model, e, Lanes::from_f64(self.lattice.t), &mut self.q, &mut self.memory)?;
         for (lane, &index) in indices.iter().enumerate() {
             self.closed[index] = stays(&adjacent, lane, travel.0[lane], determinants[lane]);
             self.found[index * nq..][..nq].iter_mut().zip(&self.q).for_each(|(to, q)| *to = q.0[lane]);

@@ -7,7 +7,7 @@ use super::goal::Target;
 use super::lanes::{self, PoseLanes};
 use super::lattice::{LastSteps, Lattice};
 use super::numeric::Numeric;
-use super::outcome::{Found, Outcome};
+use super::outcome::{Outcome, PoseNumbers};
 use crate::error::AnalysisError;
 use crate::outputs::{tables, Rows, Watch};
 use partita_math::tolerance;
@@ -41,7 +41,7 @@ pub struct Poses {
 pub(super) const RESULT: usize = 5;
 
 /// All of a row but its coordinates.
-pub(super) fn put(found: &Found, reached: &[f64], rows: &mut Rows, i: usize) {
+pub(super) fn put(found: &PoseNumbers, reached: &[f64], rows: &mut Rows, i: usize) {
     let number = found.outcome as usize;
     rows.row(1, i).copy_from_slice(reached);
     let reported =
@@ -130,10 +130,10 @@ pub fn many(
     let mut poses = Poses { q: found, reached, ..Poses::default() };
     for (i, x) in reported.chunks(RESULT).enumerate() {
         let outcome = Outcome::ALL[x[0] as usize];
-        let found = Found { outcome, shortfall: x[1], angle: x[2], culprit: x[3] as usize, detour: x[4] != 0.0 };
+        let found = PoseNumbers { outcome, shortfall: x[1], angle: x[2], culprit: x[3] as usize, detour: x[4] != 0.0 };
         if outcome != Outcome::Closed {
             let reached = &poses.reached[i * width..][..width];
-            let what = Asked { model, targets, wanted: of(i), reached, from: &start.y, free: &start.free };
+            let what = PoseGoals { model, targets, wanted: of(i), reached, from: &start.y, free: &start.free };
             poses.reasons.push((i, what.reason(&found, explicit.as_ref())));
         }
         poses.outcomes.push(outcome);
@@ -163,15 +163,15 @@ fn by_following(
     let of = |i: usize| &values[i * width..][..width];
     let lattice = Lattice::new(model, t, targets, start).map(|x| x.with_stations(values)).transpose()?;
     let chunk = if model.calls_functions() { usize::MAX } else { LastSteps::BATCH };
-    let row = |i: usize, room: &mut Numeric, rows: &mut Rows| {
+    let row = |i: usize, memory: &mut Numeric, rows: &mut Rows| {
         let place = i % LastSteps::BATCH;
         if place == 0 {
-            room.batch((i..count.min(i + LastSteps::BATCH)).map(of))?;
+            memory.batch((i..count.min(i + LastSteps::BATCH)).map(of))?;
         }
-        let found = room.pose(place, of(i))?;
-        put(&found, &room.reached, rows, i);
+        let found = memory.pose(place, of(i))?;
+        put(&found, &memory.reached, rows, i);
         match found.outcome {
-            Outcome::Closed => rows.row(0, i).copy_from_slice(&room.there),
+            Outcome::Closed => rows.row(0, i).copy_from_slice(&memory.there),
             _ => rows.row(0, i).fill(f64::NAN),
         }
         Ok(())
@@ -180,7 +180,7 @@ fn by_following(
 }
 
 /// The goals of one pose, for messages.
-struct Asked<'a> {
+struct PoseGoals<'a> {
     model: &'a Model,
     targets: &'a [Target],
     wanted: &'a [f64],
@@ -189,7 +189,7 @@ struct Asked<'a> {
     free: &'a [bool],
 }
 
-impl Asked<'_> {
+impl PoseGoals<'_> {
     /// "A = 1 and E = 2".
     fn goals(&self, which: impl Fn(usize) -> bool) -> String {
         let of = (0..self.wanted.len()).filter(|&k| which(k));
@@ -207,7 +207,7 @@ impl Asked<'_> {
         super::messages::listed(&words.collect::<Vec<_>>())
     }
 
-    fn reason(&self, found: &Found, explicit: Option<&Explicit>) -> String {
+    fn reason(&self, found: &PoseNumbers, explicit: Option<&Explicit>) -> String {
         let subject = match explicit {
             Some(x) => x.words_of(found.culprit),
             None => super::messages::loop_of(self.model, found.culprit),

@@ -4,7 +4,7 @@ use super::field::{Field, Soft};
 use partita_math::tolerance;
 use partita_system::manifold::follow::LONGEST_PREDICTION;
 use partita_system::manifold::least_change::LARGEST_MOVE;
-use partita_system::manifold::{close, Room, Rule};
+use partita_system::manifold::{close, ClosingScratch, Rule};
 use partita_system::SystemError;
 
 /// Hard rows at the start, where they may be far away...
@@ -46,6 +46,6 @@ fn least(f: &mut Field, q: &mut Vec<f64>, aims: &[f64], rule: &Rule) -> Result<(
         Ok(_) | Err(SystemError::NotFinite { .. }) => f.y.copy_from_slice(&y),
         Err(e) => return Err(e),
     }
-    close(&mut Soft::new(f, NEAR), q, rule, &mut Room::default())?;
+    close(&mut Soft::new(f, NEAR), q, rule, &mut ClosingScratch::default())?;
     Ok(())
 }

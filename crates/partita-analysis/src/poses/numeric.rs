@@ -5,7 +5,7 @@ use super::field::{Duty, Field};
 use super::goal::Target;
 use super::lattice::{LastSteps, Lattice};
 use super::nearest::nearest;
-use super::outcome::{Found, Outcome};
+use super::outcome::{Outcome, PoseNumbers};
 use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::SystemError;
@@ -67,16 +67,16 @@ impl<'l, 'm> Numeric<'l, 'm> {
     }
 
     /// Pose `i` of the last batch.
-    pub fn pose(&mut self, i: usize, values: &[f64]) -> Result<Found, SystemError> {
+    pub fn pose(&mut self, i: usize, values: &[f64]) -> Result<PoseNumbers, SystemError> {
         self.reached.copy_from_slice(values);
         if let Some(last_steps) = &self.last_steps {
             if let Some(q) = last_steps.pose(i) {
                 self.there.copy_from_slice(q);
-                return Ok(Found::closed(false));
+                return Ok(PoseNumbers::closed(false));
             }
             if let Some(start) = last_steps.near(i) {
                 if self.continuation.go_near(start, values, SHORTEST_NEAR, &mut self.there)? {
-                    return Ok(Found::closed(false));
+                    return Ok(PoseNumbers::closed(false));
                 }
             }
         }
@@ -95,7 +95,7 @@ impl<'l, 'm> Numeric<'l, 'm> {
         }
         let found = self.open(&here, &reached, values, nearest)?;
         let outcome = if matches!(first, Ending::Crossing(_)) { Outcome::Singular } else { found.outcome };
-        Ok(Found { outcome, ..found })
+        Ok(PoseNumbers { outcome, ..found })
     }
 
     /// The closure error with the goals at these values, from a closed position with others: open, or closed on another
@@ -106,7 +106,7 @@ impl<'l, 'm> Numeric<'l, 'm> {
         y: &[f64],
         values: &[f64],
         nearest: impl FnOnce(&mut Field<'m>, &mut Vec<f64>, &[f64]) -> Result<(), SystemError>,
-    ) -> Result<Found, SystemError> {
+    ) -> Result<PoseNumbers, SystemError> {
         self.there.clear();
         self.there.extend_from_slice(from);
         self.continuation.begin(self.start);
@@ -121,20 +121,20 @@ impl<'l, 'm> Numeric<'l, 'm> {
         let outcome = if closes { Outcome::OtherBranch } else { Outcome::Open };
         let (shortfall, angle) = if goals_met { (shortfall, angle) } else { (f64::NAN, f64::NAN) };
         self.reached.copy_from_slice(y);
-        Ok(Found { outcome, shortfall, angle, culprit, detour: false })
+        Ok(PoseNumbers { outcome, shortfall, angle, culprit, detour: false })
     }
 
     /// Goals that depend on the others must have reached their targets.
-    pub fn agreeing(&mut self, values: &[f64], detour: bool) -> Found {
+    pub fn agreeing(&mut self, values: &[f64], detour: bool) -> PoseNumbers {
         self.continuation.field.look(&self.there);
         let f = &self.continuation.field;
         let off = |k: usize| (f.y[k] - values[k]).abs() / f.targets[k].displacement;
         let dependent = (0..values.len()).filter(|&k| !self.start.free[k]);
         match dependent.max_by(|&i, &j| off(i).total_cmp(&off(j))) {
             Some(k) if off(k) > tolerance::EQUAL => {
-                Found { outcome: Outcome::Contradiction, shortfall: f.y[k], angle: f64::NAN, culprit: k, detour }
+                PoseNumbers { outcome: Outcome::Contradiction, shortfall: f.y[k], angle: f64::NAN, culprit: k, detour }
             }
-            _ => Found::closed(detour),
+            _ => PoseNumbers::closed(detour),
         }
     }
 }

@@ -32,7 +32,7 @@ impl Outcome {
 }
 
 /// One pose as numbers.
-pub(super) struct Found {
+pub(super) struct PoseNumbers {
     pub outcome: Outcome,
     pub shortfall: f64,
     pub angle: f64,
@@ -41,7 +41,7 @@ pub(super) struct Found {
     pub detour: bool,
 }
 
-impl Found {
+impl PoseNumbers {
     pub fn closed(detour: bool) -> Self {
         Self { outcome: Outcome::Closed, shortfall: 0.0, angle: 0.0, culprit: 0, detour }
     }

@@ -7,17 +7,17 @@ use partita_math::factor::least_squares_min_norm;
 use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::Model;
-use partita_system::branching::branch_directions::{selection, Asked};
+use partita_system::branching::branch_directions::{selection, RequestedRate};
 use partita_system::kinematics::velocity::{met, momentum, near_with_rates, possible, pushed_with_rates, unlocked};
 use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
 use partita_system::{start, SystemError};
 
 /// How the rate of a goal follows from velocities (n).
-fn gradient(model: &Model, q: &[f64], x: &Target, room: &mut [f64], s: &mut ModelScratch) -> Vec<f64> {
+fn gradient(model: &Model, q: &[f64], x: &Target, memory: &mut [f64], s: &mut ModelScratch) -> Vec<f64> {
     let mut g = vec![0.0; model.size().nv];
     let mut at = x.velocities.iter();
-    x.rates(model, q, room, s, |value| {
+    x.rates(model, q, memory, s, |value| {
         if let Some(&i) = at.next() {
             g[i] = value;
         }
@@ -26,18 +26,18 @@ fn gradient(model: &Model, q: &[f64], x: &Target, room: &mut [f64], s: &mut Mode
 }
 
 /// All rates as readings of velocities.
-fn asked(model: &Model, q: &[f64], own: &[(usize, f64)], others: &[(Target, f64)]) -> Vec<Asked> {
+fn asked(model: &Model, q: &[f64], own: &[(usize, f64)], others: &[(Target, f64)]) -> Vec<RequestedRate> {
     let n = model.size().nv;
-    let (mut s, mut room) = (model.scratch(), vec![0.0; n]);
+    let (mut s, mut memory) = (model.scratch(), vec![0.0; n]);
     let of_own = own.iter().map(|&(i, rate)| {
         let mut row = vec![0.0; n];
         row[i] = 1.0;
-        Asked { name: model.velocity_name(i), row, displacement: model.characteristic_displacement(i), rate }
+        RequestedRate { name: model.velocity_name(i), row, displacement: model.characteristic_displacement(i), rate }
     });
-    let mut all: Vec<Asked> = of_own.collect();
+    let mut all: Vec<RequestedRate> = of_own.collect();
     for (x, rate) in others {
-        let row = gradient(model, q, x, &mut room, &mut s);
-        all.push(Asked { name: x.name.clone(), row, displacement: x.displacement, rate: *rate });
+        let row = gradient(model, q, x, &mut memory, &mut s);
+        all.push(RequestedRate { name: x.name.clone(), row, displacement: x.displacement, rate: *rate });
     }
     all
 }
@@ -79,8 +79,8 @@ pub fn with_rates(
         v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / model.characteristic_displacement(i)))
     };
     let given = largest(&v);
-    let (n, mut s, mut room) = (v.len(), model.scratch(), vec![0.0; v.len()]);
-    let gradients: Vec<Vec<f64>> = rows.iter().map(|(x, _)| gradient(model, q, x, &mut room, &mut s)).collect();
+    let (n, mut s, mut memory) = (v.len(), model.scratch(), vec![0.0; v.len()]);
+    let gradients: Vec<Vec<f64>> = rows.iter().map(|(x, _)| gradient(model, q, x, &mut memory, &mut s)).collect();
     // the response to an impulse along each of them: the projection of M^-1 g
     let mut moves: Vec<Vec<f64>> = Vec::with_capacity(rows.len());
     for ((x, _), g) in rows.iter().zip(&gradients) {

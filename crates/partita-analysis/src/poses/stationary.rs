@@ -32,7 +32,7 @@ struct Path<'a, 'm> {
     to: &'a [f64],
     reading: &'a Target,
     rest: Vec<f64>,
-    room: Vec<f64>,
+    memory: Vec<f64>,
     scratch: ModelScratch,
 }
 
@@ -56,7 +56,7 @@ impl Path<'_, '_> {
     fn slope(&mut self, q: &[f64]) -> f64 {
         let model = self.continuation.field.model;
         let mut gradient = Vec::with_capacity(self.reading.velocities.len());
-        self.reading.rates(model, q, &mut self.room, &mut self.scratch, |g| gradient.push(g));
+        self.reading.rates(model, q, &mut self.memory, &mut self.scratch, |g| gradient.push(g));
         gradient.iter().zip(&self.reading.velocities).map(|(g, &i)| g * self.rest[i]).sum()
     }
 }
@@ -68,7 +68,7 @@ fn path<'a, 'm>(
     reading: &'a Target,
 ) -> Path<'a, 'm> {
     let n = model.size().nv;
-    Path { continuation, start, to, reading, rest: vec![0.0; n], room: vec![0.0; n], scratch: model.scratch() }
+    Path { continuation, start, to, reading, rest: vec![0.0; n], memory: vec![0.0; n], scratch: model.scratch() }
 }
 
 /// Where the reading is stationary while the goals move straight to the values `to`, from the closed position q: the
@@ -181,7 +181,7 @@ fn folded(
 
 /// The coordinate of a joint that the velocity v moves fastest, in characteristic displacements, and its rate.
 fn fastest(model: &Model, q: &[f64], v: &[f64]) -> Option<(Target, f64)> {
-    let (mut s, mut room, mut best) = (model.scratch(), vec![0.0; v.len()], None);
+    let (mut s, mut memory, mut best) = (model.scratch(), vec![0.0; v.len()], None);
     for (joint, p) in model.placed.joints.iter().enumerate() {
         let mut coordinate = 0;
         for motion in &p.shape.motions {
@@ -192,7 +192,7 @@ fn fastest(model: &Model, q: &[f64], v: &[f64]) -> Option<(Target, f64)> {
             }
             let Ok(x) = Target::new(model, &goal, &model.spec.joints[joint].name) else { continue };
             let mut gradient = Vec::with_capacity(x.velocities.len());
-            x.rates(model, q, &mut room, &mut s, |g| gradient.push(g));
+            x.rates(model, q, &mut memory, &mut s, |g| gradient.push(g));
             let own: Vec<f64> = x.velocities.iter().map(|&i| v[i]).collect();
             let rate = dense::dot(&gradient, &own);
             if best

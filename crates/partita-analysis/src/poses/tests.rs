@@ -53,14 +53,14 @@ fn gradients_are_those_of_the_values() {
             let first = Target::new(&m, &Goal::Joint { joint: 0, coordinate: 0 }, "first").unwrap();
             let ask = Ask { levels: vec![vec![(first, 0.3)]], tolerance: tolerance::CLOSED, ..Ask::default() };
             let q = one(&m, 0.0, &m.initial(), &ask).unwrap().q;
-            let (rest, mut room) = (vec![0.0; n], vec![0.0; n]);
+            let (rest, mut memory) = (vec![0.0; n], vec![0.0; n]);
             let goals = all_goals(&m);
             assert!(goals.len() >= 7);
             for x in &goals {
                 let mut gradient = vec![0.0; n];
                 let mut own = x.velocities.iter();
-                x.gradient(&m, &q, [0.0; 3], &mut room, &mut s, |g| gradient[*own.next().unwrap()] = g);
-                assert!(room.iter().all(|v| *v == 0.0));
+                x.gradient(&m, &q, [0.0; 3], &mut memory, &mut s, |g| gradient[*own.next().unwrap()] = g);
+                assert!(memory.iter().all(|v| *v == 0.0));
                 let here = x.value(&m, &q, &rest, &mut s, 0.0);
                 for v in 0..n {
                     let mut at = |h: f64| {

@@ -220,7 +220,7 @@ pub fn energy_floor(spec: &Spec, atol: f64) -> f64 {
 
 /// The options of a run on which its balances depend.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Asked {
+pub struct BalanceOptions {
     /// Relative tolerance; 1 for fixed steps, whose tolerance is unknown.
     pub tolerance: f64,
     /// Whether constraints are left uncorrected on purpose.
@@ -229,7 +229,7 @@ pub struct Asked {
 
 /// Findings from Newton-Euler residuals with the returned reactions, each with its time; NaN where a reaction has no
 /// value.
-pub fn of_reactions(residuals: impl Iterator<Item = (f64, f64)>, asked: Asked) -> Option<Finding> {
+pub fn of_reactions(residuals: impl Iterator<Item = (f64, f64)>, asked: BalanceOptions) -> Option<Finding> {
     let known = residuals.filter(|x| x.1.is_finite());
     let (t, worst) = known.map(|(t, x)| (t, x.abs())).fold((0.0, -1.0), |m, x| if x.1 > m.1 { x } else { m });
     let (mut suspect, mut invalid) = (tolerance::WORST_ROUNDING, NO_BALANCE);
@@ -264,7 +264,7 @@ pub struct Energy {
 
 /// The finding from the energy balance over the outputs, relative to the energy exchanged (at least `least`) and
 /// compared with what the tolerance explains over the number of steps.
-pub fn of_energy(at: &[Energy], asked: Asked, steps: u64, least: f64) -> Option<Finding> {
+pub fn of_energy(at: &[Energy], asked: BalanceOptions, steps: u64, least: f64) -> Option<Finding> {
     let first = at.first()?;
     let most = |of: &dyn Fn(&Energy) -> f64| at.iter().fold(0.0, |m: f64, x| m.max(of(x).abs()));
     let exchanged = most(&|x| x.kinetic).max(most(&|x| x.potential - first.potential)).max(most(&|x| x.work));

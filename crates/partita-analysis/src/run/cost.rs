@@ -4,7 +4,7 @@ use super::{Balance, Prepared, Request};
 use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
-use partita_system::formulation::{Formulation, PrescribedRows, Step, Verdict};
+use partita_system::formulation::{Formulation, PrescribedRows, Step, StepDecision};
 use partita_system::formulation::{FormulationSteps, SingularSteps};
 use partita_system::options::TangentMap;
 use partita_system::record::{History, Output, PartitionEvent, Sample};
@@ -42,23 +42,23 @@ pub struct ClosedState {
 }
 
 /// Records the times and states of the evaluations since the last step.
-struct Noted<'s> {
+struct RecordingFormulation<'s> {
     formulation: Box<dyn Formulation + Send + 's>,
     asked: Vec<(f64, Vec<f64>)>,
     last_step: Vec<(f64, Vec<f64>)>,
 }
 
-impl FormulationSteps for Noted<'_> {
+impl FormulationSteps for RecordingFormulation<'_> {
     fn trial_end(
         &mut self,
         t: f64,
         y: &mut [f64],
         dy: &mut [f64],
         known: bool,
-    ) -> Result<(Verdict, bool), SystemError> {
+    ) -> Result<(StepDecision, bool), SystemError> {
         self.formulation.trial_end(t, y, dy, known)
     }
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
+    fn commit(&mut self, verdict: StepDecision, step: &mut Step) -> Result<bool, SystemError> {
         self.last_step = std::mem::take(&mut self.asked);
         self.formulation.commit(verdict, step)
     }
@@ -67,11 +67,11 @@ impl FormulationSteps for Noted<'_> {
     }
 }
 
-impl SingularSteps for Noted<'_> {}
+impl SingularSteps for RecordingFormulation<'_> {}
 
-impl PrescribedRows for Noted<'_> {}
+impl PrescribedRows for RecordingFormulation<'_> {}
 
-impl Formulation for Noted<'_> {
+impl Formulation for RecordingFormulation<'_> {
     fn dim(&self) -> usize {
         self.formulation.dim()
     }
@@ -136,7 +136,7 @@ impl<'s> Trial<'s> {
                 Err(e) => return Err(e),
             };
             let Prepared { formulation, settings, q, v, .. } = prepared;
-            let mut noted = Noted { formulation, asked: Vec::new(), last_step: Vec::new() };
+            let mut noted = RecordingFormulation { formulation, asked: Vec::new(), last_step: Vec::new() };
             let fixed = Options { fixed_step: Some(contender.step), ..settings.options.clone() };
             let settings = Settings { t_end, options: fixed, ..settings };
             let (mut sink, mut ask) = (|_: &Output| Ok(()), |_: f64| watch());

@@ -13,7 +13,7 @@ use partita_system::{ConstrainedSystem, SystemRef};
 const CORRECTIONS: usize = 4;
 
 /// Constraint violations of an initial state.
-pub struct Seen {
+pub struct StartViolations {
     /// Violated rows of S3 and S4, in words.
     findings: Vec<String>,
     /// Is S3 among them?
@@ -29,7 +29,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     (t, q, v): (f64, &[f64], &[f64]),
     there: bool,
-) -> Result<Seen, AnalysisError> {
+) -> Result<StartViolations, AnalysisError> {
     let system = r.system.clone();
     let weighs = !system.lacks_mass(); // where all moving bodies have mass, masses do not matter
     if !there {
@@ -72,10 +72,10 @@ pub(super) fn see<S: ConstrainedSystem>(
     if worst.0 > 0.0 {
         findings.push(format!("{} has a rate error of {} per second", system.row_name(worst.1), formatted(worst.2)));
     }
-    Ok(Seen { findings, violated: closure_error > tolerance::OPEN_ROUNDINGS })
+    Ok(StartViolations { findings, violated: closure_error > tolerance::OPEN_ROUNDINGS })
 }
 
-impl Seen {
+impl StartViolations {
     /// Whether the state satisfies the constraints.
     pub(super) fn satisfied(&self) -> bool {
         self.findings.is_empty()
@@ -110,7 +110,7 @@ pub(super) fn corrected<'s, S: Motions>(
 /// The report on the start (t, q, v), and by how much `first`, the state there, was moved from it.
 pub(super) fn note<S: ConstrainedSystem>(
     system: &S,
-    Seen { findings, violated }: &Seen,
+    StartViolations { findings, violated }: &StartViolations,
     (q, v): (&[f64], &[f64]),
     first: Option<(&[f64], &[f64])>,
 ) -> Option<String> {

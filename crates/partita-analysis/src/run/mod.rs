@@ -12,7 +12,7 @@ mod stepping;
 mod verdict;
 
 pub use balance::Balance;
-pub use prepared::{Looked, Motions, Prepared, Recipe};
+pub use prepared::{ExaminedStart, Motions, Prepared, Recipe};
 pub use request::Request;
 pub use solution_log::{Assessed, Described, SolutionLog};
 pub use stepping::Stepping;

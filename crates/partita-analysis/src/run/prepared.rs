@@ -1,7 +1,7 @@
 //! From a system, a request and a state to an integration: the one set-up of runs, steppers, timings and pages.
 
 use super::balance::Balance;
-use super::inconsistent::{self, Seen};
+use super::inconsistent::{self, StartViolations};
 use super::singular_start::{self, BranchStart};
 use super::{some, Assessed, Described, Limits, Request, SolutionLog};
 use crate::error::AnalysisError;
@@ -41,7 +41,7 @@ pub trait Motions: ConstrainedSystem {
         state: (f64, &[f64], &[f64]),
         to: (f64, f64),
         longest: f64,
-    ) -> Result<Looked<'s, Self>, AnalysisError>
+    ) -> Result<ExaminedStart<'s, Self>, AnalysisError>
     where
         Self: Sized;
 
@@ -76,8 +76,8 @@ macro_rules! compiled_here {
             state: (f64, &[f64], &[f64]),
             to: (f64, f64),
             longest: f64,
-        ) -> Result<Looked<'s, Self>, AnalysisError> {
-            Looked::examined(system, state, to, longest)
+        ) -> Result<ExaminedStart<'s, Self>, AnalysisError> {
+            ExaminedStart::examined(system, state, to, longest)
         }
 
         fn described(&self, log: &SolutionLog, shared: bool, watch: Watch) -> Result<Described, AnalysisError> {
@@ -131,16 +131,16 @@ impl Recipe {
 }
 
 /// An examined initial state.
-pub struct Looked<'s, S: ConstrainedSystem> {
+pub struct ExaminedStart<'s, S: ConstrainedSystem> {
     /// Rank and redundant rows.
     pub start: Start,
     /// The start on a branch out of a singular position.
     pub(super) singular_start: Option<BranchStart<'s, S>>,
     /// Constraint violations of the state.
-    seen: Seen,
+    seen: StartViolations,
 }
 
-impl<'s, S: Motions> Looked<'s, S> {
+impl<'s, S: Motions> ExaminedStart<'s, S> {
     /// Rank, redundant rows and the branch out of a singular position, up to `end` and to this tolerance. It verifies
     /// that redundant rows agree with the others, every motion moves mass, and the state nearly satisfies the
     /// constraints.
@@ -182,7 +182,7 @@ impl<'s, S: Motions> Looked<'s, S> {
 /// Where a motion starts: the state given, or the closed one next to it.
 pub(super) struct Entry<'s, S: ConstrainedSystem> {
     /// Examined there.
-    pub looked: Looked<'s, S>,
+    pub looked: ExaminedStart<'s, S>,
     /// Coordinates and velocities.
     pub q: Vec<f64>,
     /// See `q`.
@@ -203,13 +203,13 @@ impl<'s, S: Motions> Entry<'s, S> {
         to: (f64, f64),
         longest: f64,
     ) -> Result<Self, AnalysisError> {
-        let mut looked = Looked::at(system.clone(), (t, q, v), to, longest)?;
+        let mut looked = ExaminedStart::at(system.clone(), (t, q, v), to, longest)?;
         recipe.rank = looked.start.rank;
         let (mut own, mut corrected) = ((q.to_vec(), v.to_vec()), None);
         if looked.singular_start.is_none() && !looked.seen.satisfied() {
             own = inconsistent::corrected(system, recipe, (t, q, v))?;
             corrected = inconsistent::note(&**system, &looked.seen, (q, v), Some((&own.0[..], &own.1[..])));
-            looked = Looked::at(system.clone(), (t, &own.0, &own.1), to, longest)?;
+            looked = ExaminedStart::at(system.clone(), (t, &own.0, &own.1), to, longest)?;
             recipe.rank = looked.start.rank;
         }
         Ok(Self { looked, q: own.0, v: own.1, corrected })
@@ -236,7 +236,7 @@ pub struct Prepared<'s, S: Balance> {
     /// The first step, where the start is singular.
     pub(super) singular_start: Option<BranchStart<'s, S>>,
     /// Constraint violations of the start.
-    pub(super) seen: Seen,
+    pub(super) seen: StartViolations,
     /// How the start was corrected.
     pub(super) corrected: Option<String>,
     /// Coordinates and velocities at the start, which satisfy the constraints.
@@ -301,7 +301,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         let formulation = recipe
             .make(system.clone())
             .map_err(|e| AnalysisError::Argument { argument: "formulation", message: e.to_string() })?;
-        let Looked { singular_start, seen, .. } = looked;
+        let ExaminedStart { singular_start, seen, .. } = looked;
         Ok(Self {
             system,
             formulation,

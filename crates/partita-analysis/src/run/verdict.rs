@@ -1,7 +1,7 @@
 //! Findings of a run, in sentences: open constraints, velocity jumps, steps beyond the tolerance, energy
 //! and forces out of balance. It is decided once, when the run ends.
 
-use super::balance::{self, Asked, Balance, Energy};
+use super::balance::{self, Balance, BalanceOptions, Energy};
 use super::{Request, SolutionLog};
 use partita_integrate::simulate::{Outcome, Status};
 use partita_math::tolerance;
@@ -49,7 +49,7 @@ pub struct Limits {
     /// Velocity jumps, relative to the speed.
     pub jump: (f64, f64),
     /// What balances depend on.
-    pub asked: Asked,
+    pub asked: BalanceOptions,
     /// Absolute tolerance.
     pub atol: f64,
 }
@@ -72,7 +72,7 @@ impl Limits {
             acceleration: (request.formulation != "baumgarte")
                 .then_some((tolerance::OPEN_ACCELERATION, tolerance::CLEARLY * tolerance::OPEN_ACCELERATION)),
             jump: (JUMPS.0.max((tolerance::ERROR_GROWTH * rtol).min(JUMPS_EXPLAINED)), JUMPS.1),
-            asked: Asked { tolerance: rtol, drifts },
+            asked: BalanceOptions { tolerance: rtol, drifts },
             atol: request.atol,
         }
     }

@@ -1,6 +1,6 @@
 //! A basis of the self-stresses, for inspection.
 
-use super::{with_rule, Room, Rule};
+use super::{with_rule, Rule, SharingScratch};
 use crate::error::AnalysisError;
 use crate::geometry::lifted;
 use partita_math::dense::Matrix;
@@ -37,13 +37,13 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
     with_rule(model, Some((t, q)), |rule| {
         let Some(Rule { twin, sharing, .. }) = rule else { return Ok(none) };
         let q = lifted(model, twin, q);
-        let mut room = sharing.room();
-        sharing.stresses(t, &q, &mut room)?;
-        if !sharing.rows(&q, &mut room) {
+        let mut memory = sharing.memory();
+        sharing.stresses(t, &q, &mut memory)?;
+        if !sharing.rows(&q, &mut memory) {
             return Ok(none);
         }
-        twin.look(&q, &vec![0.0; twin.placed.nv], &mut room.model);
-        let Room { rows, stresses, .. } = &room;
+        twin.look(&q, &vec![0.0; twin.placed.nv], &mut memory.model);
+        let SharingScratch { rows, stresses, .. } = &memory;
         // every component has a column here, loaded or not
         let (components, of_column) = (6 * rows.joints.len(), rows.components());
         let mut given = Matrix::new(rows.scales.len(), components);
@@ -64,7 +64,7 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
         let turned: Vec<Mat3<f64>> = rows
             .joints
             .iter()
-            .map(|&j| if sharing.metric.alike { twin.joint_frame(j, &room.model) } else { Mat3::identity() })
+            .map(|&j| if sharing.metric.alike { twin.joint_frame(j, &memory.model) } else { Mat3::identity() })
             .collect();
         let mut along = Matrix::new(s, components);
         for a in 0..s {

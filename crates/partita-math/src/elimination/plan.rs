@@ -3,7 +3,7 @@
 use super::blocks::Block;
 use super::choice;
 use super::layout::Layout;
-use super::program::sparse::SparseRoom;
+use super::program::sparse::SparseScratch;
 use super::Pattern;
 use crate::scalar::{Real, Scalar};
 use std::convert::Infallible;
@@ -294,10 +294,10 @@ impl Plan {
         &self,
         work: &[f64],
         b: &[(usize, f64)],
-        room: &mut SparseRoom,
+        memory: &mut SparseScratch,
         found: &mut Vec<(usize, f64)>,
     ) {
-        self.layout.program.solve_transposed_sparse(work, b, room, found);
+        self.layout.program.solve_transposed_sparse(work, b, memory, found);
     }
 }
 

@@ -259,13 +259,13 @@ impl<const N: usize> Functions for Dual<N> {
     }
     fn call_into<E>(
         at: Arguments<Self>,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
         out: &mut [Self],
         mut f: impl FnMut(f64, &[f64], &[f64], &mut [f64]) -> Result<(), E>,
     ) -> Result<(), E> {
         let (n, m) = (at.q.len(), at.q.len() + at.v.len());
-        room.resize(m + 2 * out.len(), 0.0);
-        let (given, values) = room.split_at_mut(m);
+        memory.resize(m + 2 * out.len(), 0.0);
+        let (given, values) = memory.split_at_mut(m);
         let (ahead, behind) = values.split_at_mut(out.len());
         let mut shifted = |i: usize, h: f64, values: &mut [f64]| {
             for (x, d) in given.iter_mut().zip(at.q.iter().chain(at.v)) {

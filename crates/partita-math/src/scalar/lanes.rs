@@ -187,13 +187,13 @@ impl Functions for Lanes {
     /// Eight calls.
     fn call_into<E>(
         at: Arguments<Self>,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
         out: &mut [Self],
         mut f: impl FnMut(f64, &[f64], &[f64], &mut [f64]) -> Result<(), E>,
     ) -> Result<(), E> {
         let (n, m) = (at.q.len(), at.q.len() + at.v.len());
-        room.resize(m + out.len(), 0.0);
-        let (given, values) = room.split_at_mut(m);
+        memory.resize(m + out.len(), 0.0);
+        let (given, values) = memory.split_at_mut(m);
         for lane in 0..Self::COUNT {
             for (x, y) in given.iter_mut().zip(at.q.iter().chain(at.v)) {
                 *x = y.0[lane];

@@ -14,7 +14,7 @@ use partita_math::spatial::Space;
 use partita_system::system::BlockSink;
 
 /// Memory for the answer to one unit load in a cluster, and the compliances of all links.
-struct Room<S> {
+struct UnitLoadScratch<S> {
     compliance: Vec<S>,
     force: Vec<S>,
     motion: Vec<S>,
@@ -51,7 +51,7 @@ impl<G: Space> Tree<G> {
     ) {
         let d = G::DIM;
         let zeros = |n: usize| vec![G::S::zero(); n];
-        let mut room = Room {
+        let mut memory = UnitLoadScratch {
             compliance: zeros(self.links.len() * d * d),
             force: zeros(self.links.len() * d),
             motion: zeros(self.links.len() * d),
@@ -84,18 +84,18 @@ impl<G: Space> Tree<G> {
                 Duty::First(n) => {
                     let f = &plan.few[n as usize];
                     let which = &own[f.cluster as usize];
-                    self.few_mobility(plan, f, dt, which, s, x, &mut room, diagonal, block);
+                    self.few_mobility(plan, f, dt, which, s, x, &mut memory, diagonal, block);
                 }
                 Duty::Other => {}
                 Duty::Own if range_at[i] != usize::MAX => {
                     let r = &plan.ranged[range_at[i]];
                     let which = &own[r.cluster as usize];
-                    self.range_mobility(plan, r, which, most, &carries, s, x, &mut room, diagonal, block);
+                    self.range_mobility(plan, r, which, most, &carries, s, x, &mut memory, diagonal, block);
                 }
                 Duty::Own if inside[i] != usize::MAX => {}
                 Duty::Own => {
                     let cluster = cluster_of[self.links[i].v] as usize;
-                    self.joint_mobility(i, s, x, &mut room, diagonal, cluster, block);
+                    self.joint_mobility(i, s, x, &mut memory, diagonal, cluster, block);
                 }
             }
         }
@@ -107,7 +107,7 @@ impl<G: Space> Tree<G> {
         i: usize,
         s: &TreeScratch<G>,
         x: &ClusterScratch<G::S>,
-        room: &mut Room<G::S>,
+        memory: &mut UnitLoadScratch<G::S>,
         diagonal: &mut [G::S],
         cluster: usize,
         block: BlockSink<G::S>,
@@ -118,7 +118,7 @@ impl<G: Space> Tree<G> {
         let arm = self.arm_from_parent_components(i, s);
         let mut omega = [G::S::zero(); 36];
         if link.parent != 0 {
-            congruence::<G>(&arm, &room.compliance[link.parent * d * d..(link.parent + 1) * d * d], &mut omega);
+            congruence::<G>(&arm, &memory.compliance[link.parent * d * d..(link.parent + 1) * d * d], &mut omega);
         }
         // covariances of the rates found so far with the link's motion
         let mut with = [[G::S::zero(); 6]; 3];
@@ -149,7 +149,7 @@ impl<G: Space> Tree<G> {
                 with[j][r] = axis[r] * own - pushed[r];
             }
         }
-        room.compliance[i * d * d..(i + 1) * d * d].copy_from_slice(&omega[..d * d]);
+        memory.compliance[i * d * d..(i + 1) * d * d].copy_from_slice(&omega[..d * d]);
         let velocities: Vec<usize> = (link.v..link.v + f).collect();
         block(cluster, &velocities, &values[..f * f]);
     }
@@ -163,7 +163,7 @@ impl<G: Space> Tree<G> {
         which: &[usize],
         s: &TreeScratch<G>,
         x: &ClusterScratch<G::S>,
-        room: &mut Room<G::S>,
+        memory: &mut UnitLoadScratch<G::S>,
         diagonal: &mut [G::S],
         block: BlockSink<G::S>,
     ) {
@@ -174,7 +174,7 @@ impl<G: Space> Tree<G> {
         solve(&x.few.mass[f.square..f.square + k * k], k, &mut inverse, k);
         let resting = inverse.clone();
         let gain = &x.few.gain[f.small * d..(f.small + k) * d];
-        let omega = room.compliance[f.base * d * d..(f.base + 1) * d * d].to_vec();
+        let omega = memory.compliance[f.base * d * d..(f.base + 1) * d * d].to_vec();
         let mut pushed = vec![o; k * d]; // K Ω
         for j in 0..k {
             for c in 0..d {
@@ -207,7 +207,7 @@ impl<G: Space> Tree<G> {
                     xi[r * d + c] = (0..k).fold(moved[r], |sum, j| sum - partial[j * d + r] * gain[j * d + c]);
                 }
             }
-            let mine = &mut room.compliance[i * d * d..(i + 1) * d * d];
+            let mine = &mut memory.compliance[i * d * d..(i + 1) * d * d];
             sandwich(&xi, &omega, d, mine);
             for r in 0..d {
                 for c in 0..d {
@@ -232,7 +232,7 @@ impl<G: Space> Tree<G> {
         carries: &[bool],
         s: &TreeScratch<G>,
         x: &ClusterScratch<G::S>,
-        room: &mut Room<G::S>,
+        memory: &mut UnitLoadScratch<G::S>,
         diagonal: &mut [G::S],
         block: BlockSink<G::S>,
     ) {
@@ -246,15 +246,15 @@ impl<G: Space> Tree<G> {
                 l.v..l.v + dof(&l.motion)
             })
             .collect();
-        let omega = room.compliance[p.base * d * d..(p.base + 1) * d * d].to_vec();
+        let omega = memory.compliance[p.base * d * d..(p.base + 1) * d * d].to_vec();
         // T: rates and motions for a unit acceleration of the base
         let mut follow = vec![o; self.nv * d];
         let mut xi = vec![[o; 36]; p.links.len()];
         for c in 0..d {
-            self.range_response(plan, p, &Unit::Base(c), s, x, room);
-            velocities.iter().for_each(|&v| follow[v * d + c] = room.rates[v]);
+            self.range_response(plan, p, &Unit::Base(c), s, x, memory);
+            velocities.iter().for_each(|&v| follow[v * d + c] = memory.rates[v]);
             for (n, &i) in p.links.iter().enumerate() {
-                (0..d).for_each(|r| xi[n][r * d + c] = room.motion[i as usize * d + r]);
+                (0..d).for_each(|r| xi[n][r * d + c] = memory.motion[i as usize * d + r]);
             }
         }
         let shared = |a: usize, b: usize| {
@@ -268,11 +268,11 @@ impl<G: Space> Tree<G> {
         let mut index = vec![usize::MAX; self.nv];
         which.iter().enumerate().for_each(|(j, &v)| index[v] = j);
         for &v in velocities.iter().filter(|_| asked) {
-            self.range_response(plan, p, &Unit::Effort(v), s, x, room);
-            diagonal[v] = room.rates[v] + shared(v, v);
+            self.range_response(plan, p, &Unit::Effort(v), s, x, memory);
+            diagonal[v] = memory.rates[v] + shared(v, v);
             if index[v] != usize::MAX {
                 for (j, &w) in which.iter().enumerate() {
-                    values[j * k + index[v]] = room.rates[w] + shared(v, w);
+                    values[j * k + index[v]] = memory.rates[w] + shared(v, w);
                 }
             }
         }
@@ -283,10 +283,10 @@ impl<G: Space> Tree<G> {
             }
             let mut own = [o; 36];
             for c in 0..d {
-                self.range_response(plan, p, &Unit::Wrench(i, c), s, x, room);
-                (0..d).for_each(|r| own[r * d + c] = room.motion[i * d + r]);
+                self.range_response(plan, p, &Unit::Wrench(i, c), s, x, memory);
+                (0..d).for_each(|r| own[r * d + c] = memory.motion[i * d + r]);
             }
-            let mine = &mut room.compliance[i * d * d..(i + 1) * d * d];
+            let mine = &mut memory.compliance[i * d * d..(i + 1) * d * d];
             sandwich(&xi[n], &omega, d, mine);
             mine.iter_mut().zip(&own).for_each(|(m, o)| *m += *o);
         }
@@ -304,23 +304,23 @@ impl<G: Space> Tree<G> {
         unit: &Unit,
         s: &TreeScratch<G>,
         x: &ClusterScratch<G::S>,
-        room: &mut Room<G::S>,
+        memory: &mut UnitLoadScratch<G::S>,
     ) {
         let d = G::DIM;
         let (o, one) = (G::S::zero(), G::S::one());
-        room.row_left.fill(o);
+        memory.row_left.fill(o);
         for &i in &p.links {
-            room.force[i as usize * d..(i as usize + 1) * d].fill(o);
+            memory.force[i as usize * d..(i as usize + 1) * d].fill(o);
         }
         if let Unit::Wrench(i, c) = *unit {
-            room.force[i * d + c] = -one;
+            memory.force[i * d + c] = -one;
         }
-        let forward = |e: usize, room: &mut Room<G::S>| {
+        let forward = |e: usize, memory: &mut UnitLoadScratch<G::S>| {
             let e = &plan.eliminations[e];
-            let left = room.row_left[e.row as usize] * x.row_inverse[e.row as usize];
+            let left = memory.row_left[e.row as usize] * x.row_inverse[e.row as usize];
             for a in &plan.neighbours[e.neighbours.start as usize..e.neighbours.end as usize] {
                 let change = x.coupling[a.slot as usize] * left;
-                room.row_left[a.row as usize] -= change;
+                memory.row_left[a.row as usize] -= change;
             }
             left
         };
@@ -328,50 +328,50 @@ impl<G: Space> Tree<G> {
             let i = i as usize;
             let (link, here) = (&self.links[i], &plan.links[i]);
             for e in here.complete.clone() {
-                let left = forward(e as usize, room);
+                let left = forward(e as usize, memory);
                 let e = &plan.eliminations[e as usize];
                 let own = &x.row_force[e.force as usize * d..][..d];
-                add_times(&mut room.force[i * d..(i + 1) * d], own, -left);
+                add_times(&mut memory.force[i * d..(i + 1) * d], own, -left);
             }
             for j in (0..dof(&link.motion)).rev() {
                 let v = link.v + j;
                 let effort = if matches!(*unit, Unit::Effort(w) if w == v) { one } else { o };
-                let force = &mut room.force[i * d..(i + 1) * d];
+                let force = &mut memory.force[i * d..(i + 1) * d];
                 let left = effort - dot(&x.axis[v * d..(v + 1) * d], force);
-                room.left[v] = left;
+                memory.left[v] = left;
                 let share = left * x.inverse[v];
                 add_times(force, &x.push[v * d..(v + 1) * d], share);
                 for (a, row) in here.propagated.clone().zip(&plan.propagated[here.propagated.start as usize..]) {
-                    room.row_left[row.row as usize] += x.row_effort[a as usize * 3 + j] * share;
+                    memory.row_left[row.row as usize] += x.row_effort[a as usize * 3 + j] * share;
                 }
             }
             if link.parent != p.base {
                 let arm = self.arm_from_parent_components(i, s);
-                let (before, rest) = room.force.split_at_mut(i * d);
+                let (before, rest) = memory.force.split_at_mut(i * d);
                 add_force_at::<G>(&arm, rest, &mut before[link.parent * d..]);
             }
         }
         for &e in &p.at_base {
-            forward(e as usize, room);
+            forward(e as usize, memory);
         }
         let mut base = [o; 6];
         if let Unit::Base(c) = *unit {
             base[c] = one;
         }
-        let backward = |e: usize, motion: &[G::S], room: &mut Room<G::S>| {
+        let backward = |e: usize, motion: &[G::S], memory: &mut UnitLoadScratch<G::S>| {
             let e = &plan.eliminations[e];
-            let mut sum = -room.row_left[e.row as usize];
+            let mut sum = -memory.row_left[e.row as usize];
             if e.force != NONE {
                 sum += dot(&x.row_force[e.force as usize * d..][..d], motion);
             }
             for a in &plan.neighbours[e.neighbours.start as usize..e.neighbours.end as usize] {
-                let known = x.coupling[a.slot as usize] * room.lambda[a.row as usize];
+                let known = x.coupling[a.slot as usize] * memory.lambda[a.row as usize];
                 sum -= known;
             }
-            room.lambda[e.row as usize] = sum * x.row_inverse[e.row as usize];
+            memory.lambda[e.row as usize] = sum * x.row_inverse[e.row as usize];
         };
         for &e in p.at_base.iter().rev() {
-            backward(e as usize, &base[..d], room);
+            backward(e as usize, &base[..d], memory);
         }
         for &i in &p.links {
             let i = i as usize;
@@ -381,21 +381,21 @@ impl<G: Space> Tree<G> {
             if link.parent == p.base {
                 shift_motion::<G>(&arm, &base[..d], &mut own[..d]);
             } else {
-                shift_motion::<G>(&arm, &room.motion[link.parent * d..(link.parent + 1) * d], &mut own[..d]);
+                shift_motion::<G>(&arm, &memory.motion[link.parent * d..(link.parent + 1) * d], &mut own[..d]);
             }
             for j in 0..dof(&link.motion) {
                 let v = link.v + j;
-                let mut left = room.left[v] - dot(&x.push[v * d..(v + 1) * d], &own[..d]);
+                let mut left = memory.left[v] - dot(&x.push[v * d..(v + 1) * d], &own[..d]);
                 for (a, row) in here.propagated.clone().zip(&plan.propagated[here.propagated.start as usize..]) {
-                    left += x.row_effort[a as usize * 3 + j] * room.lambda[row.row as usize];
+                    left += x.row_effort[a as usize * 3 + j] * memory.lambda[row.row as usize];
                 }
                 let rate = left * x.inverse[v];
-                room.rates[v] = rate;
+                memory.rates[v] = rate;
                 add_times(&mut own[..d], &x.axis[v * d..(v + 1) * d], rate);
             }
-            room.motion[i * d..(i + 1) * d].copy_from_slice(&own[..d]);
+            memory.motion[i * d..(i + 1) * d].copy_from_slice(&own[..d]);
             for e in here.complete.clone().rev() {
-                backward(e as usize, &own[..d], room);
+                backward(e as usize, &own[..d], memory);
             }
         }
     }

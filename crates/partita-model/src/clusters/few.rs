@@ -2,7 +2,7 @@
 
 use super::dof;
 use super::plan::{FewPlan, Plan, NONE};
-use super::sweep::{add_force_at, add_inertia_at, arm_components, dot, shift_motion, Given};
+use super::sweep::{add_force_at, add_inertia_at, arm_components, dot, shift_motion, LoadedTangents};
 use crate::memory::{ClusterScratch, FewScratch};
 use crate::tree::{Tree, TreeScratch};
 use partita_math::scalar::Scalar;
@@ -10,15 +10,15 @@ use partita_math::spatial::Space;
 
 impl<S: Scalar> FewScratch<S> {
     pub(super) fn fit(&mut self, d: usize, plan: &Plan) {
-        let room = |x: &mut Vec<S>, n: usize| {
+        let memory = |x: &mut Vec<S>, n: usize| {
             x.clear();
             x.resize(n, S::zero());
         };
-        room(&mut self.partial, plan.partials * d);
-        room(&mut self.mass, plan.squares);
-        room(&mut self.whole, plan.squares);
-        room(&mut self.own, plan.smalls);
-        room(&mut self.gain, plan.smalls * d);
+        memory(&mut self.partial, plan.partials * d);
+        memory(&mut self.mass, plan.squares);
+        memory(&mut self.whole, plan.squares);
+        memory(&mut self.own, plan.smalls);
+        memory(&mut self.gain, plan.smalls * d);
     }
 }
 
@@ -53,7 +53,7 @@ impl<G: Space> Tree<G> {
         &self,
         plan: &Plan,
         f: &FewPlan,
-        given: &Given<G::S>,
+        given: &LoadedTangents<G::S>,
         s: &TreeScratch<G>,
         x: &mut ClusterScratch<G::S>,
     ) {
@@ -155,7 +155,7 @@ impl<G: Space> Tree<G> {
     fn partial_twists(
         &self,
         f: &FewPlan,
-        given: &Given<G::S>,
+        given: &LoadedTangents<G::S>,
         stride: usize,
         s: &TreeScratch<G>,
         x: &mut ClusterScratch<G::S>,
@@ -188,7 +188,7 @@ impl<G: Space> Tree<G> {
         &self,
         plan: &Plan,
         f: &FewPlan,
-        given: &Given<G::S>,
+        given: &LoadedTangents<G::S>,
         s: &TreeScratch<G>,
         x: &mut ClusterScratch<G::S>,
         vdot: &mut [G::S],

@@ -20,7 +20,7 @@ mod sweep;
 
 pub use crate::memory::ClusterScratch;
 pub use plan::{Plan, Preference, Route};
-pub(crate) use sweep::Given;
+pub(crate) use sweep::LoadedTangents;
 pub use sweep::Tangents;
 
 use crate::mechanics::Mechanics;

@@ -23,7 +23,7 @@ pub struct Tangents<'a, S> {
 }
 
 /// Tangents together with the loads on the links.
-pub(crate) struct Given<'a, S> {
+pub(crate) struct LoadedTangents<'a, S> {
     pub tangents: Tangents<'a, S>,
     /// Effort along each velocity.
     pub effort: &'a [S],
@@ -34,24 +34,24 @@ pub(crate) struct Given<'a, S> {
 impl<S: Scalar> ClusterScratch<S> {
     /// Memory for a tree of `links` links and `velocities` velocities in `d` dimensions, with this plan.
     pub fn fit(&mut self, links: usize, velocities: usize, d: usize, plan: &Plan) {
-        let room = |x: &mut Vec<S>, n: usize| {
+        let memory = |x: &mut Vec<S>, n: usize| {
             x.clear();
             x.resize(n, S::zero());
         };
-        room(&mut self.inertia, links * d * d);
-        room(&mut self.force, links * d);
-        room(&mut self.motion, links * d);
-        room(&mut self.axis, velocities * d);
-        room(&mut self.push, velocities * d);
-        room(&mut self.inverse, velocities);
-        room(&mut self.left, velocities);
-        room(&mut self.pivots, velocities);
-        room(&mut self.row_force, plan.forces * d);
-        room(&mut self.row_effort, plan.propagated.len() * 3);
-        room(&mut self.coupling, plan.slots);
-        room(&mut self.row_left, plan.rows.len());
-        room(&mut self.row_inverse, plan.rows.len());
-        room(&mut self.lambda, plan.rows.len());
+        memory(&mut self.inertia, links * d * d);
+        memory(&mut self.force, links * d);
+        memory(&mut self.motion, links * d);
+        memory(&mut self.axis, velocities * d);
+        memory(&mut self.push, velocities * d);
+        memory(&mut self.inverse, velocities);
+        memory(&mut self.left, velocities);
+        memory(&mut self.pivots, velocities);
+        memory(&mut self.row_force, plan.forces * d);
+        memory(&mut self.row_effort, plan.propagated.len() * 3);
+        memory(&mut self.coupling, plan.slots);
+        memory(&mut self.row_left, plan.rows.len());
+        memory(&mut self.row_inverse, plan.rows.len());
+        memory(&mut self.lambda, plan.rows.len());
         self.few.fit(d, plan);
     }
 
@@ -163,7 +163,7 @@ impl<G: Space> Tree<G> {
     pub(crate) fn accelerate(
         &self,
         plan: &Plan,
-        given: &Given<G::S>,
+        given: &LoadedTangents<G::S>,
         s: &TreeScratch<G>,
         x: &mut ClusterScratch<G::S>,
         vdot: &mut [G::S],
@@ -192,7 +192,7 @@ impl<G: Space> Tree<G> {
     }
 
     /// Inertias, unit twists, and the forces that remain at the initial accelerations.
-    fn prepare(&self, plan: &Plan, given: &Given<G::S>, s: &TreeScratch<G>, x: &mut ClusterScratch<G::S>) {
+    fn prepare(&self, plan: &Plan, given: &LoadedTangents<G::S>, s: &TreeScratch<G>, x: &mut ClusterScratch<G::S>) {
         let d = G::DIM;
         let (o, one) = (G::S::zero(), G::S::one());
         x.inertia.fill(o);
@@ -290,7 +290,7 @@ impl<G: Space> Tree<G> {
         &self,
         plan: &Plan,
         i: usize,
-        given: &Given<G::S>,
+        given: &LoadedTangents<G::S>,
         s: &TreeScratch<G>,
         x: &mut ClusterScratch<G::S>,
     ) {

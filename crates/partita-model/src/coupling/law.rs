@@ -50,7 +50,7 @@ pub enum Law<S> {
 }
 
 /// A law at one position.
-pub(crate) struct Found<'a, S> {
+pub(crate) struct LawAt<'a, S> {
     /// F.
     pub value: S,
     /// F_t.
@@ -64,7 +64,7 @@ enum Gradient<'a, S> {
     Found([S; MOST]),
 }
 
-impl<S> Found<'_, S> {
+impl<S> LawAt<'_, S> {
     /// F_i.
     #[inline(always)]
     pub(crate) fn gradient(&self) -> &[S] {
@@ -85,8 +85,8 @@ impl<S: Scalar> Law<S> {
         at: &Instant<S>,
         readings: &[Measurement<G>],
         name: &str,
-        room: &mut Vec<f64>,
-    ) -> Result<Found<'a, S>, SystemError> {
+        memory: &mut Vec<f64>,
+    ) -> Result<LawAt<'a, S>, SystemError> {
         let (o, one) = (S::zero(), S::one());
         let read = |i: usize| readings[i].value(tree, s, at.q);
         let mut gradient = [o; MOST];
@@ -94,7 +94,7 @@ impl<S: Scalar> Law<S> {
             Self::Linear { factors, offset, period } => {
                 let sum = factors.iter().enumerate().fold(-*offset, |sum, (i, &factor)| sum + factor * read(i));
                 let gradient = Gradient::Given(factors);
-                return Ok(Found { value: value::up_to(sum, *period), rate: o, gradient });
+                return Ok(LawAt { value: value::up_to(sum, *period), rate: o, gradient });
             }
             Self::Curve { curve, abscissa, period } => {
                 let [y, slope, _] = value::curve_at(curve, *abscissa, read(1), name)?;
@@ -102,12 +102,12 @@ impl<S: Scalar> Law<S> {
                 (value::up_to(read(0) - y, period.map(S::from_f64)), o)
             }
             Self::Motion { motion, period } => {
-                let [p, u, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
+                let [p, u, _] = value::motion_at(motion, at.callers, at.t, name, memory)?;
                 gradient[0] = one;
                 (value::up_to(read(0) - p, period.map(S::from_f64)), -u)
             }
             Self::Rate(motion) => {
-                let [p, _, _] = value::motion_at(motion, at.callers, at.t, name, room)?;
+                let [p, _, _] = value::motion_at(motion, at.callers, at.t, name, memory)?;
                 gradient[0] = one;
                 (o, -p)
             }
@@ -116,12 +116,12 @@ impl<S: Scalar> Law<S> {
                 readings.iter().enumerate().for_each(|(i, _)| x[i] = read(i));
                 let n = readings.len();
                 let uncounted = |i: usize| readings[i].wraps;
-                let found = called(*k, at.callers, at.t, (&x[..n], &[o; MOST][..n]), uncounted, name, room)?;
+                let found = called(*k, at.callers, at.t, (&x[..n], &[o; MOST][..n]), uncounted, name, memory)?;
                 gradient.copy_from_slice(&found[3..]);
                 (found[0], found[1])
             }
         };
-        Ok(Found { value, rate, gradient: Gradient::Found(gradient) })
+        Ok(LawAt { value, rate, gradient: Gradient::Found(gradient) })
     }
 
     /// b at the last twists.
@@ -133,7 +133,7 @@ impl<S: Scalar> Law<S> {
         at: &Instant<S>,
         readings: &[Measurement<G>],
         name: &str,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
     ) -> Result<S, SystemError> {
         let bias = |i: usize| readings[i].bias(tree, s);
         match self {
@@ -145,8 +145,8 @@ impl<S: Scalar> Law<S> {
                 let rate = readings[1].rate(tree, s, at.v);
                 Ok(bias(0) - slope * bias(1) - bend * rate * rate)
             }
-            Self::Motion { motion, .. } => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2]),
-            Self::Rate(motion) => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[1]),
+            Self::Motion { motion, .. } => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, memory)?[2]),
+            Self::Rate(motion) => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, memory)?[1]),
             Self::Function(k) => {
                 let (mut x, mut rates) = ([S::zero(); MOST], [S::zero(); MOST]);
                 for (i, reading) in readings.iter().enumerate() {
@@ -154,7 +154,7 @@ impl<S: Scalar> Law<S> {
                 }
                 let n = readings.len();
                 // the position level has reported it already
-                let found = called(*k, at.callers, at.t, (&x[..n], &rates[..n]), |_| false, name, room)?;
+                let found = called(*k, at.callers, at.t, (&x[..n], &rates[..n]), |_| false, name, memory)?;
                 Ok((0..n).fold(found[2], |sum, i| sum + found[3 + i] * bias(i)))
             }
         }
@@ -190,10 +190,10 @@ fn called<S: Scalar>(
     (x, rates): (&[S], &[S]),
     uncounted: impl Fn(usize) -> bool,
     name: &str,
-    room: &mut Vec<f64>,
+    memory: &mut Vec<f64>,
 ) -> Result<[S; value::RELATION], SystemError> {
     let arguments = Arguments { t, q: x, v: rates, q_sizes: &[], v_sizes: &[] };
-    S::call(arguments, room, |t, x, rates| {
+    S::call(arguments, memory, |t, x, rates| {
         let ask = |x: &[f64]| {
             let found = callers.functions.relation(k, t, x, rates).map_err(|e| failed(name, e))?;
             finite(found, name, t)

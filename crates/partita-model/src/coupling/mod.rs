@@ -86,7 +86,7 @@ impl<G: Space> Condition<G> {
         tree: &Tree<G>,
         s: &TreeScratch<G>,
         at: &Instant<G::S>,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
         phi: &mut [G::S],
         c: &mut [G::S],
         a: &mut [G::S],
@@ -96,7 +96,7 @@ impl<G: Space> Condition<G> {
         rows.fill(G::S::zero());
         match &self.says {
             Says::Law(law, readings) => {
-                let found = law.position(tree, s, at, readings, &self.name, room)?;
+                let found = law.position(tree, s, at, readings, &self.name, memory)?;
                 for (reading, factor) in readings.iter().zip(found.gradient()) {
                     reading.columns(*factor, tree, s, rows);
                 }
@@ -112,7 +112,7 @@ impl<G: Space> Condition<G> {
                 }
             }
             Says::Turning(orientation) => {
-                let found = orientation.position(tree, s, at, &self.name, room)?;
+                let found = orientation.position(tree, s, at, &self.name, memory)?;
                 orientation.columns(&found.unit, tree, s, rows);
                 (phi[self.row], a[self.row]) = (found.value, found.rate);
             }
@@ -126,15 +126,15 @@ impl<G: Space> Condition<G> {
         tree: &Tree<G>,
         s: &TreeScratch<G>,
         at: &Instant<G::S>,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
         b: &mut [G::S],
     ) -> Result<(), SystemError> {
         match &self.says {
             Says::Law(law, readings) => {
-                b[self.row] = law.velocity(tree, s, at, readings, &self.name, room)?;
+                b[self.row] = law.velocity(tree, s, at, readings, &self.name, memory)?;
             }
             Says::Rolling(rolling, contact) => rolling.bias(*contact, tree, s, &mut b[self.row..]),
-            Says::Turning(orientation) => b[self.row] = orientation.bias(s, at, &self.name, room)?,
+            Says::Turning(orientation) => b[self.row] = orientation.bias(s, at, &self.name, memory)?,
         }
         Ok(())
     }

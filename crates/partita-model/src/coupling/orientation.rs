@@ -69,8 +69,8 @@ fn dot<S: Scalar>(a: [S; 3], b: [S; 3]) -> S {
 }
 
 impl<G: Space> Orientation<G> {
-    fn target(&self, at: &Instant<G::S>, name: &str, room: &mut Vec<f64>) -> Result<Turned<G::S>, SystemError> {
-        value::turned_at(&self.turning, at.callers, at.t, name, room)
+    fn target(&self, at: &Instant<G::S>, name: &str, memory: &mut Vec<f64>) -> Result<Turned<G::S>, SystemError> {
+        value::turned_at(&self.turning, at.callers, at.t, name, memory)
     }
 
     /// `e_k`.
@@ -111,9 +111,9 @@ impl<G: Space> Orientation<G> {
         s: &TreeScratch<G>,
         at: &Instant<G::S>,
         name: &str,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
     ) -> Result<Held<G>, SystemError> {
-        let to = self.target(at, name, room)?;
+        let to = self.target(at, name, memory)?;
         let x = self.now(&to, s);
         let two = x.rho[self.component].scale(2.0);
         let rate = -G::dot_ang(x.moment, sum::<G>(to.spin, &x.t));
@@ -131,9 +131,9 @@ impl<G: Space> Orientation<G> {
         s: &TreeScratch<G>,
         at: &Instant<G::S>,
         name: &str,
-        room: &mut Vec<f64>,
+        memory: &mut Vec<f64>,
     ) -> Result<G::S, SystemError> {
-        let to = self.target(at, name, room)?;
+        let to = self.target(at, name, memory)?;
         let x = self.now(&to, s);
         let (xa, xb) = (&s.links[self.links[0]], &s.links[self.links[1]]);
         let spin = sum::<G>(to.spin, &x.t);

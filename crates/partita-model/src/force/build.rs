@@ -1,6 +1,6 @@
 //! The forces of a description as elements.
 
-use super::{AttachmentPoint, CutSight, Element, LoadLaw, PointForce, Seen, Spring};
+use super::{AttachmentPoint, CutSight, Element, LawInput, LoadLaw, PointForce, Spring};
 use crate::error::DescriptionError;
 use crate::measurement;
 use crate::numbers::{DescribedForce, Numbers};
@@ -45,7 +45,7 @@ impl<'a, G: Space> Maker<'a, G> {
     }
 
     /// What sensors read, if there are functions of the state.
-    pub fn sensed(&self, sees_state: bool) -> Result<Vec<Seen<G>>, DescriptionError> {
+    pub fn sensed(&self, sees_state: bool) -> Result<Vec<LawInput<G>>, DescriptionError> {
         if self.spec.sights.is_empty() || !sees_state {
             return Ok(Vec::new());
         }

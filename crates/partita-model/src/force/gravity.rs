@@ -1,6 +1,6 @@
 //! Time-dependent gravity: one acceleration for all bodies.
 
-use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication, Room};
+use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication, ForceScratch};
 use crate::value::VectorSource;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Space};
@@ -20,15 +20,15 @@ pub struct Gravity<G: Space> {
 }
 
 impl<G: Space> Gravity<G> {
-    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
-        let value = self.value.at(&at.instant, &self.name, &mut room.plain)?;
+    pub(crate) fn wrench(&self, at: &At<G>, memory: &mut ForceScratch<G>) -> Result<Effect<G>, SystemError> {
+        let value = self.value.at(&at.instant, &self.name, &mut memory.plain)?;
         let gravity = G::vec_in(self.axes.apply(value));
-        room.wrenches.clear();
+        memory.wrenches.clear();
         let mut power = G::S::zero();
         for (p, mass) in &self.on {
             let (arm, force) = (at.arm(p), G::scale(gravity, *mass));
             power += G::dot(force, at.velocity(p.link, arm));
-            room.wrenches.push(AppliedWrench { node: p.node, link: p.link, arm, moment: G::Ang::default(), force });
+            memory.wrenches.push(AppliedWrench { node: p.node, link: p.link, arm, moment: G::Ang::default(), force });
         }
         Ok(Effect { application: ForceApplication::Listed, potential: G::S::zero(), power })
     }

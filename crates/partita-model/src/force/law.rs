@@ -1,7 +1,7 @@
 //! A function of the quantities that it reads.
 
 use super::spot::Spot;
-use super::{At, Effect, ForceApplication, Room};
+use super::{At, Effect, ForceApplication, ForceScratch};
 use crate::measurement::Measurement;
 use crate::value::{alike_a_turn_on, failed};
 use partita_math::scalar::{Arguments, Functions, Scalar};
@@ -10,7 +10,7 @@ use partita_system::SystemError;
 
 /// One quantity that a law reads.
 #[derive(Clone, Debug)]
-pub enum Seen<G: Space> {
+pub enum LawInput<G: Space> {
     /// Position and velocity of a point.
     Point(Spot<G>),
     /// Position of the origin, axes row by row, velocity of the origin, angular velocity; and the axes on its link.
@@ -19,7 +19,7 @@ pub enum Seen<G: Space> {
     Joint(Measurement<G>),
 }
 
-impl<G: Space> Seen<G> {
+impl<G: Space> LawInput<G> {
     /// Link that is read.
     pub fn links(&self) -> Vec<usize> {
         match self {
@@ -74,7 +74,7 @@ pub struct Law<G: Space> {
     /// Number of the function.
     pub function: usize,
     /// Its readings.
-    pub sees: Vec<Seen<G>>,
+    pub sees: Vec<LawInput<G>>,
     /// Sizes of the numbers it reads.
     pub sizes: Vec<f64>,
     /// Places among them of angles whose whole turns are not counted.
@@ -86,8 +86,8 @@ pub struct Law<G: Space> {
 }
 
 impl<G: Space> Law<G> {
-    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
-        let Room { plain, seen, answers, wrenches, .. } = room;
+    pub(crate) fn wrench(&self, at: &At<G>, memory: &mut ForceScratch<G>) -> Result<Effect<G>, SystemError> {
+        let ForceScratch { plain, seen, answers, wrenches, .. } = memory;
         seen.clear();
         self.sees.iter().for_each(|sight| sight.show(at, &self.out, seen));
         answers.clear();

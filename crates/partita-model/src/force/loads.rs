@@ -1,7 +1,7 @@
 //! Elements of the forces that are described by records of their own.
 
 use super::build::Maker;
-use super::law::Seen;
+use super::law::LawInput;
 use super::spot::Spot;
 use super::{Buffer, Bushing, Contact, Element, Gravity, Law, Rope, Surface, Tyre, Weightless};
 use crate::error::DescriptionError;
@@ -126,7 +126,7 @@ impl<G: Space> Maker<'_, G> {
     }
 
     /// What sensors read, for functions of the state.
-    pub(super) fn sights_of_sensors(&self) -> Result<Vec<Seen<G>>, DescriptionError> {
+    pub(super) fn sights_of_sensors(&self) -> Result<Vec<LawInput<G>>, DescriptionError> {
         let known = |sight: &Sight| match sight {
             Sight::Point(spec::Spot { body: name, .. }) | Sight::Body(name) => {
                 self.measurements.nodes.contains_key(name.as_str())
@@ -163,11 +163,11 @@ impl<G: Space> Maker<'_, G> {
         Vec3::from_f64(self.axes(body).apply(unit).0)
     }
 
-    fn sight(&self, name: &str, sight: &Sight) -> Result<Seen<G>, DescriptionError> {
+    fn sight(&self, name: &str, sight: &Sight) -> Result<LawInput<G>, DescriptionError> {
         Ok(match sight {
-            Sight::Point(p) => Seen::Point(self.spot(&p.body, Vec3::from_f64(p.point))),
-            Sight::Body(body) => Seen::Body(self.spot(body, Vec3::zero()), Mat3::from_f64(self.axes(body).0)),
-            Sight::Joint(joint, i) => Seen::Joint(self.measurements.joint(joint, *i, "force", name)?),
+            Sight::Point(p) => LawInput::Point(self.spot(&p.body, Vec3::from_f64(p.point))),
+            Sight::Body(body) => LawInput::Body(self.spot(body, Vec3::zero()), Mat3::from_f64(self.axes(body).0)),
+            Sight::Joint(joint, i) => LawInput::Joint(self.measurements.joint(joint, *i, "force", name)?),
         })
     }
 
@@ -199,7 +199,7 @@ impl<G: Space> Maker<'_, G> {
         let spec::Value::Function(function) = x.value else {
             return Err(DescriptionError::new("force", &x.name, "its value is not a function"));
         };
-        let uncounted = places_uncounted(0, sees.iter().map(Seen::shown));
+        let uncounted = places_uncounted(0, sees.iter().map(LawInput::shown));
         Ok(Law { name: x.name.clone(), function, sees, sizes, uncounted, on, out })
     }
 }

@@ -25,7 +25,7 @@ pub(crate) use build::Maker;
 pub use bushing::Bushing;
 pub use contact::{Contact, Surface};
 pub use gravity::Gravity;
-pub use law::{Law, Seen};
+pub use law::{Law, LawInput};
 pub use load::{Bearing, Curve, Effort, Friction, Load, LoadLaw, SpringDamper, Stop};
 pub use point_force::PointForce;
 pub use resistance::Buffer;
@@ -70,7 +70,7 @@ pub enum Element<G: Space> {
 
 /// Memory of elements.
 #[derive(Clone, Debug)]
-pub struct Room<G: Space> {
+pub struct ForceScratch<G: Space> {
     /// Plain arguments of functions known in `f64` alone.
     pub(crate) plain: Vec<f64>,
     /// Readings and results of a law.
@@ -85,14 +85,14 @@ pub struct Room<G: Space> {
     pub(crate) v: Vec<G::S>,
 }
 
-impl<G: Space> Room<G> {
+impl<G: Space> ForceScratch<G> {
     /// Empty, but for the normal forces of the frictions in another.
     pub(crate) fn with_normal_forces(other: &Self) -> Self {
         Self { normal_forces: other.normal_forces.clone(), ..Self::default() }
     }
 }
 
-impl<G: Space> Default for Room<G> {
+impl<G: Space> Default for ForceScratch<G> {
     fn default() -> Self {
         Self {
             plain: Vec::new(),
@@ -181,13 +181,13 @@ impl<G: Space> At<'_, G> {
 impl<G: Space> Element<G> {
     /// Its effect at the last poses and twists. A user function is called once.
     #[inline(always)]
-    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+    pub(crate) fn wrench(&self, at: &At<G>, memory: &mut ForceScratch<G>) -> Result<Effect<G>, SystemError> {
         match self {
             Self::Spring(e) => Ok(e.wrench(at)),
-            Self::Load(e) => e.wrench(at, room),
-            Self::Force(e) => e.wrench(at, &mut room.plain),
+            Self::Load(e) => e.wrench(at, memory),
+            Self::Force(e) => e.wrench(at, &mut memory.plain),
             Self::Weightless(e) => Ok(e.wrench(at)),
-            other => other.rare(at, room),
+            other => other.rare(at, memory),
         }
     }
 
@@ -219,15 +219,15 @@ impl<G: Space> Element<G> {
 
     /// The large elements, stored separately from the others.
     #[inline(never)]
-    fn rare(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+    fn rare(&self, at: &At<G>, memory: &mut ForceScratch<G>) -> Result<Effect<G>, SystemError> {
         match self {
             Self::Bushing(e) => e.wrench(at),
             Self::Contact(e) => Ok(e.wrench(at)),
             Self::Rope(e) => Ok(e.wrench(at)),
             Self::Tyre(e) => Ok(e.wrench(at)),
-            Self::Law(e) => e.wrench(at, room),
-            Self::Gravity(e) => e.wrench(at, room),
-            Self::Spring(_) | Self::Load(_) | Self::Force(_) | Self::Weightless(_) => self.wrench(at, room),
+            Self::Law(e) => e.wrench(at, memory),
+            Self::Gravity(e) => e.wrench(at, memory),
+            Self::Spring(_) | Self::Load(_) | Self::Force(_) | Self::Weightless(_) => self.wrench(at, memory),
         }
     }
 
@@ -357,7 +357,7 @@ impl<G: Space> Element<G> {
     /// Links that it reads without acting on them.
     pub(crate) fn looks_at(&self) -> Vec<usize> {
         match self {
-            Self::Law(e) => e.sees.iter().flat_map(Seen::links).collect(),
+            Self::Law(e) => e.sees.iter().flat_map(LawInput::links).collect(),
             Self::Load(e) => e.over.iter().flat_map(|x| x.links).collect(),
             _ => Vec::new(),
         }
@@ -367,7 +367,7 @@ impl<G: Space> Element<G> {
 impl<G: Space> Tree<G> {
     /// Adds the effect of an element to the applied forces.
     #[inline(always)]
-    pub(crate) fn add_effect(&self, s: &mut TreeScratch<G>, effect: &Effect<G>, room: &Room<G>) {
+    pub(crate) fn add_effect(&self, s: &mut TreeScratch<G>, effect: &Effect<G>, memory: &ForceScratch<G>) {
         match &effect.application {
             ForceApplication::Along(v, effort) => s.effort[*v] += *effort,
             ForceApplication::On(p) => self.add_wrench(s, p),
@@ -375,7 +375,7 @@ impl<G: Space> Tree<G> {
                 self.add_wrench(s, p);
                 self.add_wrench(s, other);
             }
-            ForceApplication::Listed => room.wrenches.iter().for_each(|p| self.add_wrench(s, p)),
+            ForceApplication::Listed => memory.wrenches.iter().for_each(|p| self.add_wrench(s, p)),
         }
     }
 

@@ -29,8 +29,8 @@ impl<G: Space> PointForce<G> {
     }
 
     #[inline(always)]
-    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Vec<f64>) -> Result<Effect<G>, SystemError> {
-        let x = self.axes.apply(self.value.at(&at.instant, &self.name, room)?);
+    pub(crate) fn wrench(&self, at: &At<G>, memory: &mut Vec<f64>) -> Result<Effect<G>, SystemError> {
+        let x = self.axes.apply(self.value.at(&at.instant, &self.name, memory)?);
         let link = self.on.link;
         let state = &at.s.links[link];
         let force = G::vec_in(if self.turns { G::rot_to(&state.rot).apply(x) } else { x });

@@ -1,6 +1,6 @@
 //! The closed position next to a given one: all loops at once by Newton's method, over any scalar.
 
-use super::implicit::{Implicit, Straight, StraightRoom};
+use super::implicit::{Implicit, Straight, StraightScratch};
 use super::instant::Instant;
 use crate::evaluator::Evaluator;
 use crate::model::Model;
@@ -21,7 +21,7 @@ pub struct AdjacentClosing {
 }
 
 /// Memory of [`AdjacentClosing::close`].
-pub struct AdjacentRoom<S: Scalar>(StraightRoom<S>);
+pub struct AdjacentScratch<S: Scalar>(StraightScratch<S>);
 
 /// How a position closed.
 #[derive(Clone, Copy, Debug)]
@@ -34,10 +34,10 @@ pub struct Adjacent<S> {
     pub closure_error: S,
 }
 
-impl<S: Scalar> AdjacentRoom<S> {
+impl<S: Scalar> AdjacentScratch<S> {
     /// For positions of this model, whatever the plan.
     pub fn new(model: &Model, e: &Evaluator<S>) -> Self {
-        Self(StraightRoom::new(model, e, model.size().holonomic.min(model.size().nv)))
+        Self(StraightScratch::new(model, e, model.size().holonomic.min(model.size().nv)))
     }
 }
 
@@ -78,21 +78,21 @@ impl AdjacentClosing {
         e: &Evaluator<S>,
         t: S,
         q: &mut [S],
-        AdjacentRoom(room): &mut AdjacentRoom<S>,
+        AdjacentScratch(memory): &mut AdjacentScratch<S>,
     ) -> Result<Adjacent<S>, SystemError> {
         let mut found =
             Adjacent { corrections: [S::zero(); ITERATIONS], determinant: S::one(), closure_error: S::zero() };
         for correction in &mut found.corrections {
-            let Straight { largest, determinant } = self.block.iterate((model, e), t, q, room)?;
+            let Straight { largest, determinant } = self.block.iterate((model, e), t, q, memory)?;
             *correction = largest;
             found.determinant = determinant;
         }
         // what the last correction leaves of the rows of the block is its square; others are not corrected
-        if self.block.rows.len() == room.phi.len() {
+        if self.block.rows.len() == memory.phi.len() {
             return Ok(found);
         }
-        e.closings(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
-        for (row, phi) in room.phi.iter().enumerate() {
+        e.closings(t, q, &mut memory.scratch, &mut memory.phi, &mut memory.c, &mut memory.a)?;
+        for (row, phi) in memory.phi.iter().enumerate() {
             let error = phi.abs() / S::from_f64(model.row_displacement(row).unwrap_or(1.0));
             found.closure_error = found.closure_error.max(error);
         }

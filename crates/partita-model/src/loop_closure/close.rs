@@ -143,8 +143,8 @@ impl LoopClosing<'_> {
         match &self.steps[i].work {
             Work::Drive(d, edge) => {
                 let drive = &self.model.drives[*d];
-                let room = &mut self.scratch.room;
-                let [p, _, _] = value::motion_at(&drive.motion, &self.model.callers, t, &drive.name, room)?;
+                let memory = &mut self.scratch.memory;
+                let [p, _, _] = value::motion_at(&drive.motion, &self.model.callers, t, &drive.name, memory)?;
                 self.pose.x[*edge] = p;
                 if let Some((i, _)) = drive.tree {
                     q[i] = p;
@@ -167,7 +167,7 @@ impl LoopClosing<'_> {
                     c: &mut self.c,
                     a: &mut self.a,
                     dv: &mut self.dv,
-                    room: &mut self.newton,
+                    memory: &mut self.newton,
                     iterations: &mut self.iterations,
                 };
                 let pivot = block.solve(&mut field, t, q, &self.steps[i].words)?;

@@ -40,23 +40,23 @@ pub(super) struct Implicit {
 
 /// Memory for the largest block.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Room {
+pub(super) struct ImplicitScratch {
     jacobian: Vec<f64>,
     x: Vec<f64>,
     pivots: Vec<usize>,
-    closing: manifold::Room,
+    closing: manifold::ClosingScratch,
 }
 
-impl Room {
+impl ImplicitScratch {
     pub fn new(n: usize, nq: usize) -> Self {
-        let closing = manifold::Room::for_coordinates(nq);
+        let closing = manifold::ClosingScratch::for_coordinates(nq);
         Self { jacobian: vec![0.0; n * n], x: vec![0.0; n], pivots: vec![0; n], closing }
     }
 }
 
 /// Memory of the unchecked iteration.
 #[derive(Clone, Debug)]
-pub(super) struct StraightRoom<S: Scalar> {
+pub(super) struct StraightScratch<S: Scalar> {
     pub scratch: Scratch<S>,
     pub phi: Vec<S>,
     pub c: Vec<S>,
@@ -66,18 +66,18 @@ pub(super) struct StraightRoom<S: Scalar> {
     pub x: Vec<S>,
 }
 
-impl<S: Scalar> StraightRoom<S> {
+impl<S: Scalar> StraightScratch<S> {
     /// For blocks of at most n unknowns.
     pub fn new(model: &Model, e: &Evaluator<S>, n: usize) -> Self {
-        let (size, room) = (model.size(), |n: usize| vec![S::zero(); n]);
+        let (size, memory) = (model.size(), |n: usize| vec![S::zero(); n]);
         Self {
             scratch: e.scratch(),
-            phi: room(size.holonomic),
-            c: room(model.pattern().nnz()),
-            a: room(size.rows),
-            dv: room(size.nv),
-            jacobian: room(n * n),
-            x: room(n),
+            phi: memory(size.holonomic),
+            c: memory(model.pattern().nnz()),
+            a: memory(size.rows),
+            dv: memory(size.nv),
+            jacobian: memory(n * n),
+            x: memory(n),
         }
     }
 }
@@ -99,7 +99,7 @@ pub(super) struct Field<'a> {
     pub c: &'a mut [f64],
     pub a: &'a mut [f64],
     pub dv: &'a mut [f64],
-    pub room: &'a mut Room,
+    pub memory: &'a mut ImplicitScratch,
     pub iterations: &'a mut u64,
 }
 
@@ -173,14 +173,14 @@ impl Implicit {
         (model, e): (&Model, &Evaluator<S>),
         t: S,
         q: &mut [S],
-        room: &mut StraightRoom<S>,
+        memory: &mut StraightScratch<S>,
         iterations: usize,
     ) -> Result<Fit<S>, SystemError> {
         let mut largest = S::zero();
         for _ in 0..iterations {
-            largest = self.iterate((model, e), t, q, room)?.largest;
+            largest = self.iterate((model, e), t, q, memory)?.largest;
         }
-        let closure_error = room.phi.iter().fold(S::zero(), |m, x| m.max(x.abs()));
+        let closure_error = memory.phi.iter().fold(S::zero(), |m, x| m.max(x.abs()));
         Ok(Fit { excess: largest - S::from_f64(tolerance::LAST_MOVE), shortfall: closure_error })
     }
 
@@ -190,21 +190,21 @@ impl Implicit {
         (model, e): (&Model, &Evaluator<S>),
         t: S,
         q: &mut [S],
-        room: &mut StraightRoom<S>,
+        memory: &mut StraightScratch<S>,
     ) -> Result<Straight<S>, SystemError> {
         let n = self.rows.len();
-        e.closings(t, q, &mut room.scratch, &mut room.phi, &mut room.c, &mut room.a)?;
-        let (jacobian, x) = (&mut room.jacobian[..n * n], &mut room.x[..n]);
-        self.equations(model, &room.c, &room.phi, jacobian, x);
+        e.closings(t, q, &mut memory.scratch, &mut memory.phi, &mut memory.c, &mut memory.a)?;
+        let (jacobian, x) = (&mut memory.jacobian[..n * n], &mut memory.x[..n]);
+        self.equations(model, &memory.c, &memory.phi, jacobian, x);
         lu_in_order(jacobian, n, &self.pivots);
         lu_solve(jacobian, n, &self.pivots, x);
         let largest = x.iter().fold(S::zero(), |m, x| m.max(x.abs()));
         let determinant = lu_determinant(jacobian, n, &self.pivots);
-        room.dv.fill(S::zero());
+        memory.dv.fill(S::zero());
         for (x, &u) in x.iter().zip(&self.unknown) {
-            room.dv[u] = x.scale(model.characteristic_displacement(u));
+            memory.dv[u] = x.scale(model.characteristic_displacement(u));
         }
-        e.step(q, &room.dv);
+        e.step(q, &memory.dv);
         e.normalise(q);
         Ok(Straight { largest, determinant })
     }
@@ -222,19 +222,19 @@ impl Implicit {
     pub fn solve(&self, f: &mut Field, t: f64, q: &mut [f64], words: &str) -> Result<f64, SystemError> {
         let n = self.rows.len();
         f.model.normalise(q);
-        let mut room = std::mem::take(&mut f.room.closing);
+        let mut memory = std::mem::take(&mut f.memory.closing);
         let done = close(
             &mut Rows { block: self, f, t, words, closure_error: ClosureError::default(), length: 0.0 },
             q,
             &RULE,
-            &mut room,
+            &mut memory,
         );
-        f.room.closing = room;
+        f.memory.closing = memory;
         let done = done?;
         *f.iterations += done.iterations as u64;
-        let (jacobian, x) = (&mut f.room.jacobian[..n * n], &mut f.room.x[..n]);
+        let (jacobian, x) = (&mut f.memory.jacobian[..n * n], &mut f.memory.x[..n]);
         self.equations(f.model, f.c, f.phi, jacobian, x);
-        if done.ending > Ending::AtRest || lu(jacobian, n, &mut f.room.pivots[..n]).is_err() {
+        if done.ending > Ending::AtRest || lu(jacobian, n, &mut f.memory.pivots[..n]).is_err() {
             let shortfall = self.closed.iter().fold(0.0, |m: f64, &r| m.max(f.phi[r].abs()));
             return Err(SystemError::Limit { block: words.into(), t, shortfall });
         }
@@ -272,8 +272,8 @@ impl Residuals for Rows<'_, '_> {
 impl Linearization for Rows<'_, '_> {
     fn solve(&mut self, _q: &[f64], _parts: &[Part]) -> Result<bool, SystemError> {
         let (f, n) = (&mut *self.f, self.block.rows.len());
-        let (jacobian, x) = (&mut f.room.jacobian[..n * n], &mut f.room.x[..n]);
-        let pivots = &mut f.room.pivots[..n];
+        let (jacobian, x) = (&mut f.memory.jacobian[..n * n], &mut f.memory.x[..n]);
+        let pivots = &mut f.memory.pivots[..n];
         self.block.equations(f.model, f.c, f.phi, jacobian, x);
         if lu(jacobian, n, pivots).is_err() {
             return Ok(false);
@@ -286,12 +286,12 @@ impl Linearization for Rows<'_, '_> {
         self.length
     }
     fn scale(&mut self, _part: usize, by: f64) {
-        self.f.room.x[..self.block.rows.len()].iter_mut().for_each(|x| *x *= by);
+        self.f.memory.x[..self.block.rows.len()].iter_mut().for_each(|x| *x *= by);
     }
     fn advance(&mut self, q: &mut [f64]) {
         let f = &mut *self.f;
         f.dv.fill(0.0);
-        for (x, &u) in f.room.x.iter().zip(&self.block.unknown) {
+        for (x, &u) in f.memory.x.iter().zip(&self.block.unknown) {
             f.dv[u] = x * f.model.characteristic_displacement(u);
         }
         f.model.step(q, f.dv);

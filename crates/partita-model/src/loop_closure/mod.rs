@@ -38,10 +38,10 @@ mod polygon;
 mod program;
 mod spatial;
 
-pub use adjacent::{Adjacent, AdjacentClosing, AdjacentRoom};
+pub use adjacent::{Adjacent, AdjacentClosing, AdjacentScratch};
 pub use assemblies::{Assembled, Assemblies};
 pub(crate) use implicit::STRAIGHT;
-pub use over::ClosingRoom;
+pub use over::ClosingScratch;
 pub use program::ClosingProgram;
 
 use crate::model::{Model, ModelScratch};
@@ -113,6 +113,6 @@ pub struct LoopClosing<'m> {
     c: Vec<f64>,
     a: Vec<f64>,
     dv: Vec<f64>,
-    newton: implicit::Room,
+    newton: implicit::ImplicitScratch,
     iterations: u64,
 }

@@ -2,7 +2,7 @@
 
 use super::arm::Pose;
 use super::close::planar_side;
-use super::implicit::{StraightRoom, STRAIGHT};
+use super::implicit::{StraightScratch, STRAIGHT};
 use super::planar::Fit;
 use super::{spatial, LoopClosing, Work};
 use crate::evaluator::Evaluator;
@@ -13,26 +13,29 @@ use partita_system::SystemError;
 use std::sync::Arc;
 
 /// Memory of [`LoopClosing::close_over`].
-pub struct ClosingRoom<S: Scalar> {
+pub struct ClosingScratch<S: Scalar> {
     pose: Pose<S>,
-    straight: StraightRoom<S>,
+    straight: StraightScratch<S>,
     /// Of each step.
     pivots: Vec<[S; 2]>,
 }
 
 impl LoopClosing<'_> {
     /// Memory for closing over other numbers, of the same model.
-    pub fn room_over<S: Scalar>(&self, e: &Evaluator<S>) -> ClosingRoom<S> {
+    pub fn scratch_over<S: Scalar>(&self, e: &Evaluator<S>) -> ClosingScratch<S> {
         let block = |s: &super::Step| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 };
         let n = self.steps.iter().map(block).max().unwrap_or(0);
-        let straight = StraightRoom::new(&self.model, e, n);
+        let straight = StraightScratch::new(&self.model, e, n);
         let pivots = vec![[S::one(); 2]; self.steps.len()];
-        ClosingRoom { pose: Pose::new(&self.graph, &e.numbers), straight, pivots }
+        ClosingScratch { pose: Pose::new(&self.graph, &e.numbers), straight, pivots }
     }
 
     /// The pivot of each block with a sign, in the order of `state`, after [`close_over`](Self::close_over).
-    pub fn pivots_over<'a, S: Scalar>(&'a self, room: &'a ClosingRoom<S>) -> impl Iterator<Item = S> + 'a {
-        self.entries.iter().filter(|(step, k)| self.steps[*step].signs[*k] != 0).map(|&(step, k)| room.pivots[step][k])
+    pub fn pivots_over<'a, S: Scalar>(&'a self, memory: &'a ClosingScratch<S>) -> impl Iterator<Item = S> + 'a {
+        self.entries
+            .iter()
+            .filter(|(step, k)| self.steps[*step].signs[*k] != 0)
+            .map(|&(step, k)| memory.pivots[step][k])
     }
 
     /// Replaces the dependent coordinates in q by those that close the loops for its inputs, on the present branches,
@@ -48,9 +51,9 @@ impl LoopClosing<'_> {
         e: &Evaluator<S>,
         t: S,
         q: &mut [S],
-        room: &mut ClosingRoom<S>,
+        memory: &mut ClosingScratch<S>,
     ) -> Result<S, SystemError> {
-        self.close_in(STRAIGHT, e, t, q, room)
+        self.close_in(STRAIGHT, e, t, q, memory)
     }
 
     /// As [`close_over`](Self::close_over), with this many iterations in each implicit block.
@@ -60,13 +63,13 @@ impl LoopClosing<'_> {
         e: &Evaluator<S>,
         t: S,
         q: &mut [S],
-        room: &mut ClosingRoom<S>,
+        memory: &mut ClosingScratch<S>,
     ) -> Result<S, SystemError> {
         if !Arc::ptr_eq(&e.placed, &self.model.placed) {
             let message = "the evaluator and the closing belong to different models; create both from one model";
             return Err(SystemError::argument("evaluator", message.into()));
         }
-        let ClosingRoom { pose, straight, pivots } = room;
+        let ClosingScratch { pose, straight, pivots } = memory;
         for (i, edge) in self.graph.edges.iter().enumerate() {
             // quantities that are not coordinates of q keep their values in this closing
             (pose.x[i], pose.balls[i]) = (S::from_f64(self.pose.x[i]), Mat3::from_f64(self.pose.balls[i].0));
@@ -80,7 +83,7 @@ impl LoopClosing<'_> {
                 Work::Drive(d, edge) => {
                     let drive = &e.drives[*d];
                     let motion =
-                        value::motion_at(&drive.motion, &e.callers, t, &drive.name, &mut straight.scratch.room);
+                        value::motion_at(&drive.motion, &e.callers, t, &drive.name, &mut straight.scratch.memory);
                     pose.x[*edge] = motion?[0];
                     if let Some((i, _)) = drive.tree {
                         q[i] = pose.x[*edge];

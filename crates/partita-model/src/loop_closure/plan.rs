@@ -3,7 +3,7 @@
 use super::arm::{PlanarArm, Pose};
 use super::close::{planar_joints, planar_side};
 use super::graph::{Edge, Graph, Home, Kind};
-use super::implicit::{Implicit, Room};
+use super::implicit::{Implicit, ImplicitScratch};
 use super::instant::Instant;
 use super::laws::{SolvedLaw, TreeLaw};
 use super::order::{Next, Order};
@@ -136,7 +136,7 @@ impl<'m> LoopClosing<'m> {
             c: vec![0.0; model.pattern().nnz()],
             a: vec![0.0; size.rows],
             dv: vec![0.0; size.nv],
-            newton: Room::default(),
+            newton: ImplicitScratch::default(),
             iterations: 0,
             graph,
             model,
@@ -219,7 +219,7 @@ impl<'m> LoopClosing<'m> {
             self.push(Work::Implicit(Implicit::new(at, rows, unknown, &others)), words, solved, 0);
         }
         let largest = self.steps.iter().map(|s| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 });
-        self.newton = Room::new(largest.max().unwrap_or(0), self.model.size().nq);
+        self.newton = ImplicitScratch::new(largest.max().unwrap_or(0), self.model.size().nq);
         Ok(true)
     }
 

@@ -49,9 +49,9 @@ impl LoopClosing<'_> {
         let size = model.size();
         let (time, mut pivots) = (Recorder::from_f64(t), 0);
         let solve = Recording::new(size.nq, |x| {
-            let (mut q, mut room) = (x.to_vec(), self.room_over(&e));
-            let excess = self.close_over(&e, time, &mut q, &mut room)?;
-            let of_blocks: Vec<Recorder> = self.pivots_over(&room).collect();
+            let (mut q, mut memory) = (x.to_vec(), self.scratch_over(&e));
+            let excess = self.close_over(&e, time, &mut q, &mut memory)?;
+            let of_blocks: Vec<Recorder> = self.pivots_over(&memory).collect();
             pivots = of_blocks.len();
             Ok::<_, SystemError>([q, of_blocks, vec![excess]].concat())
         });

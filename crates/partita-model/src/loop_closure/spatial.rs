@@ -34,7 +34,7 @@ fn flat_within<S: Scalar>(terms: S) -> S {
 
 /// Coordinates computed by a step, before they are used.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found<S> {
+pub(super) struct StepCoordinates<S> {
     /// Rotations and translations by edge.
     turns: [(usize, S); 3],
     /// Balls by edge.
@@ -46,7 +46,7 @@ pub(super) struct Found<S> {
     pub fit: Fit<S>,
 }
 
-impl<S: Scalar> Found<S> {
+impl<S: Scalar> StepCoordinates<S> {
     fn new() -> Self {
         Self {
             turns: [(0, S::zero()); 3],
@@ -92,8 +92,8 @@ fn angle_about<S: Scalar>(axis: Vec3<S>, a: Vec3<S>, b: Vec3<S>) -> S {
 }
 
 /// Solve the triangle (J, A, B) for the coordinates of its edges. Signs: of J, and of the universal joint.
-pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Pose<S>) -> Found<S> {
-    let mut found = Found::new();
+pub(super) fn solve<S: Scalar>(g: &Graph, p: &Polygon, signs: [i8; 2], pose: &Pose<S>) -> StepCoordinates<S> {
+    let mut found = StepCoordinates::new();
     let constant = |m: &Mat3<f64>| Mat3::<S>::from_f64(m.0);
     let (r1, d1) = p.sides[0].spatial(g, pose);
     let (r2, d2) = p.sides[1].spatial(g, pose);
@@ -217,7 +217,7 @@ fn universal<S: Scalar>(
     (w, d2): (Vec3<S>, Vec3<S>),
     (r_b, r2): (&Mat3<S>, &Mat3<S>),
     sign: f64,
-    found: &mut Found<S>,
+    found: &mut StepCoordinates<S>,
 ) -> Mat3<S> {
     let [(i1, f1), (i2, f2)] = p.joints[2].edges[..] else { return Mat3::identity() };
     let (e1, e2) = (&g.edges[i1], &g.edges[i2]);
@@ -274,7 +274,7 @@ fn cylindrical<S: Scalar>(
     p: &Polygon,
     (w, d2): (Vec3<S>, Vec3<S>),
     (r_b, r2): (&Mat3<S>, &Mat3<S>),
-    found: &mut Found<S>,
+    found: &mut StepCoordinates<S>,
 ) -> Mat3<S> {
     let identity = Mat3::identity();
     let y = -r_b.apply_transposed(w);

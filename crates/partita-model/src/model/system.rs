@@ -2,7 +2,7 @@
 //! its evaluations.
 
 use super::scratch::{Dense, ModelScratch};
-use super::{Geometry, Model, Verdict};
+use super::{BlockDecision, Geometry, Model};
 use crate::clusters::{Plan, Preference, Route, Tangents};
 use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};
@@ -395,7 +395,7 @@ impl Names for Model {
         self.row_names[i].owner.words(&self.spec)
     }
     fn instantaneous(&self) -> String {
-        let shaky = self.geometry.blocks.iter().filter(|x| x.verdict == Verdict::Shaky);
+        let shaky = self.geometry.blocks.iter().filter(|x| x.verdict == BlockDecision::Shaky);
         let names: Vec<String> =
             shaky.flat_map(|x| &x.joints).map(|&j| format!("\"{}\"", self.spec.joints[j].name)).collect();
         match names.as_slice() {

@@ -51,16 +51,16 @@ impl<S: Scalar> Evaluator<S> {
         for &node in &part.nodes {
             all.on[node - 1].force = self.full.gravity.times(bodies[node - 1].mass);
         }
-        let mut room = std::mem::take(&mut s.full_forces);
-        let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut room);
+        let mut memory = std::mem::take(&mut s.full_forces);
+        let (seen_q, seen_v) = self.full.seen(&self.instant(t, q, v), &s.full, &mut memory);
         let (q, v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
         for e in part.elements.iter().map(|&i| &self.full.elements[i]) {
             let effect =
-                e.wrench(&At { tree: &self.full, s: &s.full, instant: self.seen_instant(t, q, v) }, &mut room)?;
+                e.wrench(&At { tree: &self.full, s: &s.full, instant: self.seen_instant(t, q, v) }, &mut memory)?;
             let own = match &effect.application {
                 ForceApplication::Along(_, effort) => effort.abs().scale(per_length.min(1.0)),
                 ForceApplication::On(p) | ForceApplication::Between(_, p) => size(p),
-                ForceApplication::Listed => room.wrenches.iter().fold(S::zero(), |m, p| m.max(size(p))),
+                ForceApplication::Listed => memory.wrenches.iter().fold(S::zero(), |m, p| m.max(size(p))),
             };
             let rounded = e.elastic(&self.full, self.placed.size).scale(ROUNDED);
             all.largest = all.largest.max(own).max(rounded);
@@ -71,11 +71,11 @@ impl<S: Scalar> Evaluator<S> {
                     self.put_wrench(s, &mut all.on, a);
                     self.put_wrench(s, &mut all.on, b);
                 }
-                ForceApplication::Listed => room.wrenches.iter().for_each(|p| self.put_wrench(s, &mut all.on, p)),
+                ForceApplication::Listed => memory.wrenches.iter().for_each(|p| self.put_wrench(s, &mut all.on, p)),
             }
         }
-        (room.q, room.v) = (seen_q, seen_v);
-        s.full_forces = room;
+        (memory.q, memory.v) = (seen_q, seen_v);
+        s.full_forces = memory;
         Ok(all)
     }
 

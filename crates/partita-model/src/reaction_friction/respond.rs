@@ -2,7 +2,7 @@
 
 use super::{Followed, Following, ReactionFriction, Read};
 use crate::evaluator::Evaluator;
-use crate::force::{AppliedWrench, At, Bearing, Effect, ForceApplication, Room};
+use crate::force::{AppliedWrench, At, Bearing, Effect, ForceApplication, ForceScratch};
 use crate::friction_magnitudes::{Hold, Jam, OfConditions, Term};
 use crate::mechanics::Mechanics;
 use crate::tree::TreeScratch;
@@ -44,15 +44,15 @@ impl Following {
         tree: &Mechanics<G>,
         at: &Instant<f64>,
         s: &mut TreeScratch<G>,
-        room: &mut Room<G>,
+        memory: &mut ForceScratch<G>,
         x: &mut Hold,
     ) -> Result<(), SystemError> {
         let (n, m, k) = (tree.nv, self.pattern.rows, self.frictions.len());
         self.fit(tree, n, m, k, x);
         tree.close(s, &mut x.phi, &mut x.c);
-        tree.hold(at, s, &mut room.plain, &mut x.phi, &mut x.c, &mut x.a)?;
+        tree.hold(at, s, &mut memory.plain, &mut x.phi, &mut x.c, &mut x.a)?;
         tree.bias(s, &mut x.b);
-        tree.hold_rates(at, s, &mut room.plain, &mut x.b)?;
+        tree.hold_rates(at, s, &mut memory.plain, &mut x.b)?;
         tree.mass_matrix(s, &mut x.mass);
         tree.forces(s, &mut x.y[..n]);
         for (j, entry) in self.frictions.iter().enumerate() {
@@ -110,13 +110,13 @@ impl Following {
         x.magnitudes.solve().map_err(|jam| self.jammed(tree, at.t, jam))?;
         for (j, entry) in self.frictions.iter().enumerate() {
             let Some(Followed { load, .. }) = friction(tree, entry) else { continue };
-            room.normal_forces[j] = x.magnitudes.normal[j];
+            memory.normal_forces[j] = x.magnitudes.normal[j];
             let now = At { tree, s, instant: again(at) };
             let read = load.read(&now);
             let effort = -(x.magnitudes.kappa[j] * x.magnitudes.normal[j]);
             let application = load.application(&now, &read, effort);
             let effect = Effect { application, potential: 0.0, power: effort * read.rate };
-            tree.add_effect(s, &effect, room);
+            tree.add_effect(s, &effect, memory);
         }
         Ok(())
     }
@@ -273,8 +273,8 @@ impl Following {
         conditions.own.fill(0.0);
         conditions.wrenches.fill(Wrench::default());
         let n = tree.links.len();
-        let mut room = room_of(tree, s);
-        let (acceleration, wrench) = room.split_at_mut(n);
+        let mut memory = scratch_of(tree, s);
+        let (acceleration, wrench) = memory.split_at_mut(n);
         acceleration[0] = Default::default();
         wrench[..n].fill(Default::default());
         for i in 1..n {
@@ -335,7 +335,7 @@ impl Following {
             wrench[parent].0 += at_parent;
             wrench[parent].1 += force;
         }
-        s.partial = room;
+        s.partial = memory;
         Ok(largest)
     }
 
@@ -432,8 +432,8 @@ fn pull<G: Space<S = f64>>(
         return;
     }
     let n = tree.links.len();
-    let mut room = room_of(tree, s);
-    let wrench = &mut room[n..2 * n];
+    let mut memory = scratch_of(tree, s);
+    let wrench = &mut memory[n..2 * n];
     wrench.fill(Default::default());
     each(application, |p| add_wrench::<G>(wrench, p, 1.0));
     for i in (1..n).rev() {
@@ -444,7 +444,7 @@ fn pull<G: Space<S = f64>>(
         wrench[parent].0 += at_parent;
         wrench[parent].1 += force;
     }
-    s.partial = room;
+    s.partial = memory;
 }
 
 fn each<G: Space>(application: &ForceApplication<G>, mut put: impl FnMut(&AppliedWrench<G>)) {
@@ -463,10 +463,10 @@ fn add_wrench<G: Space<S = f64>>(wrench: &mut [(G::Ang, G::Vec)], p: &AppliedWre
     wrench[p.link].1 += G::scale(p.force, sign);
 }
 
-fn room_of<G: Space<S = f64>>(tree: &Mechanics<G>, s: &mut TreeScratch<G>) -> Vec<(G::Ang, G::Vec)> {
-    let mut room = std::mem::take(&mut s.partial);
-    if room.len() < 2 * tree.links.len() {
-        room.resize(2 * tree.links.len(), Default::default()); // at set-up; later the room is there
+fn scratch_of<G: Space<S = f64>>(tree: &Mechanics<G>, s: &mut TreeScratch<G>) -> Vec<(G::Ang, G::Vec)> {
+    let mut memory = std::mem::take(&mut s.partial);
+    if memory.len() < 2 * tree.links.len() {
+        memory.resize(2 * tree.links.len(), Default::default()); // at set-up; later the room is there
     }
-    room
+    memory
 }

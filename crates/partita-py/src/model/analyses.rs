@@ -3,7 +3,7 @@
 use super::{Assembled, Model, Table, Vector};
 use crate::analyses;
 use crate::arrays::{array, matrix, vector};
-use crate::ensemble::{self, Given};
+use crate::ensemble::{self, MemberStates};
 use crate::failure::{self, guarded};
 use crate::poses;
 use crate::run::Options;
@@ -112,7 +112,7 @@ impl Model {
         workers: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let given = Given { q: &q, v: &v, parameters, values: &values, assembles };
+        let given = MemberStates { q: &q, v: &v, parameters, values: &values, assembles };
         guarded(py, || ensemble::ensemble(py, &self.inner, options, &t_eval, given, workers, progress))
     }
 

@@ -31,7 +31,7 @@ const BESIDE_DEAD_CENTRE: f64 = 1e-4;
 
 /// The rate of a measurement of the mechanism: `row · v` must be `rate`.
 #[derive(Clone, Debug)]
-pub struct Asked {
+pub struct RequestedRate {
     /// Its name.
     pub name: String,
     /// Its gradient (nv).
@@ -99,7 +99,7 @@ fn combined(base: &[f64], basis: &[Vec<f64>], z: &[f64]) -> Vec<f64> {
 }
 
 /// Classification of a position.
-pub enum Found<'s, S: ConstrainedSystem> {
+pub enum PositionClass<'s, S: ConstrainedSystem> {
     /// Not singular, or second orders are inconclusive.
     Nothing,
     /// Several ranks are lost at once.
@@ -135,11 +135,11 @@ fn of_start<'s, S: ConstrainedSystem, T>(
 ) -> Result<T, SystemError> {
     let SystemError::SingularStart { message, .. } = &singular else { return Err(singular) };
     let why = match look(system, t, q)? {
-        Found::Nothing => return Err(singular),
-        Found::Several(lost) => {
+        PositionClass::Nothing => return Err(singular),
+        PositionClass::Several(lost) => {
             format!("the rank drops by {lost} here; rates select a branch only where it drops by one")
         }
-        Found::BranchDirections(branch_directions) => match ask(branch_directions) {
+        PositionClass::BranchDirections(branch_directions) => match ask(branch_directions) {
             Ok(found) => return Ok(found),
             Err(why) => why,
         },
@@ -153,21 +153,21 @@ fn of_start<'s, S: ConstrainedSystem, T>(
 ///
 /// # Errors
 /// Where the system cannot be evaluated here.
-pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Result<Found<'s, S>, SystemError> {
+pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Result<PositionClass<'s, S>, SystemError> {
     let size = system.size();
     if size.nv > LARGEST || size.rows > 5 * LARGEST || size.rows != size.holonomic || size.rows == 0 {
-        return Ok(Found::Nothing);
+        return Ok(PositionClass::Nothing);
     }
     let mut x = Scaled::new(system, t, q, true)?;
     let rows = x.rows.len();
     if x.violation().iter().any(|x| x.abs() > tolerance::OPEN) {
-        return Ok(Found::Nothing);
+        return Ok(PositionClass::Nothing);
     }
-    let Ok(f) = svd_full(&x.jacobian()) else { return Ok(Found::Nothing) };
-    let Some(rank) = rank_of(&f.s) else { return Ok(Found::Nothing) };
+    let Ok(f) = svd_full(&x.jacobian()) else { return Ok(PositionClass::Nothing) };
+    let Some(rank) = rank_of(&f.s) else { return Ok(PositionClass::Nothing) };
     let (n, k) = (size.nv, size.nv - rank);
     if k == 0 || rank == rows {
-        return Ok(Found::Nothing);
+        return Ok(PositionClass::Nothing);
     }
     let (u, v) = (columns(&f.u), columns(&f.v));
     let (stresses, kernel) = (&u[rank..], &v[rank..]);
@@ -198,11 +198,11 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
             }
         }
     }
-    let Ok(found) = svd(&forms) else { return Ok(Found::Nothing) };
+    let Ok(found) = svd(&forms) else { return Ok(PositionClass::Nothing) };
     match found.s.iter().filter(|s| **s > tolerance::DEPENDENT).count() {
-        0 => return Ok(Found::Nothing),
+        0 => return Ok(PositionClass::Nothing),
         1 => {}
-        lost => return Ok(Found::Several(lost)),
+        lost => return Ok(PositionClass::Several(lost)),
     }
     let combined_by = |weights: &[f64]| -> Vec<f64> {
         (0..rows).map(|i| stresses.iter().zip(weights).map(|(s, w)| w * s[i]).sum()).collect()
@@ -251,7 +251,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
     let mut of_kernel = Matrix::new(n, k);
     (0..n).for_each(|i| (0..k).for_each(|j| of_kernel[(i, j)] = kernel[j][i]));
     let kernel = of_kernel;
-    Ok(Found::BranchDirections(Box::new(BranchDirections {
+    Ok(PositionClass::BranchDirections(Box::new(BranchDirections {
         system,
         t,
         rank: rank + 1,
@@ -350,15 +350,15 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
             return Err(self.which(&[]));
         }
         // the nearest in all rates
-        let asked: Vec<Asked> =
+        let asked: Vec<RequestedRate> =
             (0..v.len()).filter(|&i| w[i].abs() > tolerance::TAKES_PART * fastest).map(|i| self.own(i, v[i])).collect();
         Err(self.nearest(&w, &asked))
     }
 
     /// The rate of one velocity.
-    pub fn own(&self, i: usize, rate: f64) -> Asked {
+    pub fn own(&self, i: usize, rate: f64) -> RequestedRate {
         let mut row = vec![0.0; self.displacement.len()];
         row[i] = 1.0;
-        Asked { name: self.system.velocity_name(i), row, displacement: self.displacement[i], rate }
+        RequestedRate { name: self.system.velocity_name(i), row, displacement: self.displacement[i], rate }
     }
 }

@@ -88,13 +88,13 @@ fn slopes(
 }
 
 /// The equations at one (t, q).
-struct Given {
+struct EquationsAt {
     phi: Vec<f64>,
     c: Vec<f64>,
     a: Vec<f64>,
 }
 
-impl Given {
+impl EquationsAt {
     fn new<E: Equations>(e: &E) -> Self {
         let rows = e.rows();
         Self { phi: vec![0.0; e.holonomic()], c: vec![0.0; rows * e.n()], a: vec![0.0; rows] }
@@ -130,7 +130,7 @@ pub fn check<E: Equations>(e: &E, t: f64, q: &[f64], v: &[f64], lengths: &[f64])
     if e.rows() == 0 {
         return Ok(());
     }
-    let mut given = Given::new(e);
+    let mut given = EquationsAt::new(e);
     given.at(e, t, q)?;
     let rows = row_sizes(e, &given, lengths);
     check_jacobian(e, t, q, lengths, &given, &rows)?;
@@ -145,7 +145,7 @@ pub fn check<E: Equations>(e: &E, t: f64, q: &[f64], v: &[f64], lengths: &[f64])
 }
 
 /// Upper bound of the closure error of each row when all coordinates move by their lengths.
-fn row_sizes<E: Equations>(e: &E, given: &Given, lengths: &[f64]) -> Vec<f64> {
+fn row_sizes<E: Equations>(e: &E, given: &EquationsAt, lengths: &[f64]) -> Vec<f64> {
     let row = |i: usize| &given.c[i * e.n()..(i + 1) * e.n()];
     (0..e.rows()).map(|i| row(i).iter().zip(lengths).fold(0.0, |m: f64, (c, l)| m.max(c.abs() * l))).collect()
 }
@@ -193,7 +193,7 @@ fn check_jacobian<E: Equations>(
     t: f64,
     q: &[f64],
     lengths: &[f64],
-    given: &Given,
+    given: &EquationsAt,
     rows: &[f64],
 ) -> Result<(), SystemError> {
     let (n, p) = (e.n(), e.holonomic());
@@ -232,7 +232,7 @@ fn check_rate<E: Equations>(
     t: f64,
     q: &[f64],
     time: f64,
-    given: &Given,
+    given: &EquationsAt,
     rows: &[f64],
 ) -> Result<(), SystemError> {
     let size = rows.iter().fold(0.0, |m: f64, r| m.max(*r));
@@ -273,7 +273,7 @@ fn check_bias<E: Equations>(
     let unit = if fastest > 0.0 { (1.0 / fastest).min(time) } else { time };
     let far = q.iter().zip(lengths).fold(1.0, |m: f64, (q, l)| m.max(q.abs() / l));
     let size = rows.iter().fold(0.0, |m: f64, r| m.max(*r)) / unit * far;
-    let (mut x, mut there) = (q.to_vec(), Given::new(e));
+    let (mut x, mut there) = (q.to_vec(), EquationsAt::new(e));
     let found = slopes(e.rows(), unit, size, |h, out| {
         x.iter_mut().zip(q).zip(w).for_each(|((x, q), w)| *x = q + h * w);
         there.at(e, t + h, &x)?;
@@ -303,7 +303,7 @@ fn listed(v: &[f64]) -> String {
 }
 
 /// Velocities with `C w + a = 0` next to irregular ones that cover one length in `time`.
-fn admissible(given: &Given, lengths: &[f64], time: f64, tried: usize) -> Vec<f64> {
+fn admissible(given: &EquationsAt, lengths: &[f64], time: f64, tried: usize) -> Vec<f64> {
     let n = lengths.len();
     let irregular = |j: usize| (1.3 + 2.7 * j as f64 + 1.9 * tried as f64).sin();
     let mut w: Vec<f64> = (0..n).map(|j| irregular(j) * lengths[j] / time).collect();

@@ -8,7 +8,7 @@ use crate::guards::Look;
 use crate::record::{Crossings, Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 
 use crate::error::{Result, SystemError};
-pub use crate::record::Verdict;
+pub use crate::record::StepDecision;
 
 pub use crate::singular::change_point::{Across, Pace};
 
@@ -60,9 +60,9 @@ pub trait FormulationSteps {
     /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known`
     /// states that dy contains `f(t, y)` from the last evaluation. The second answer is true where f was evaluated
     /// anew.
-    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)>;
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(StepDecision, bool)>;
     /// Carry out the verdict of the last `trial_end`; (q, v) stay the same. True if y or y' was rewritten.
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool>;
+    fn commit(&mut self, verdict: StepDecision, step: &mut Step) -> Result<bool>;
     /// Whether the step of the last `trial_end` passes a point where a load is not smooth, if this changes the
     /// velocities by more than the fraction `tolerance`: the step should end there.
     fn breakpoint_within(&mut self, _tolerance: f64) -> Passing {
@@ -232,10 +232,10 @@ impl Sample {
 }
 
 impl<F: Formulation + ?Sized> FormulationSteps for Box<F> {
-    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(StepDecision, bool)> {
         (**self).trial_end(t, y, dy, known)
     }
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
+    fn commit(&mut self, verdict: StepDecision, step: &mut Step) -> Result<bool> {
         (**self).commit(verdict, step)
     }
     fn breakpoint_within(&mut self, tolerance: f64) -> Passing {

@@ -243,7 +243,7 @@ impl Part {
 
 /// Memory of the loop, reused: after the first use nothing is allocated.
 #[derive(Clone, Debug, Default)]
-pub struct Room {
+pub struct ClosingScratch {
     /// The position before the current step.
     best: Vec<f64>,
     /// The parts as the last loop left them.
@@ -270,7 +270,7 @@ impl Closed {
     }
 }
 
-impl Room {
+impl ClosingScratch {
     /// With memory for q of this length.
     pub fn for_coordinates(nq: usize) -> Self {
         Self { best: Vec::with_capacity(nq), parts: Vec::with_capacity(1) }
@@ -408,44 +408,49 @@ impl Room {
 
 /// Close rows from q on; q ends at the best position found, the rows evaluated there.
 ///
-/// Near a regular solution the steps are Newton's and the digits double with each; far from it they are damped. `room`
+/// Near a regular solution the steps are Newton's and the digits double with each; far from it they are damped. `memory`
 /// holds the result of each part.
 ///
 /// # Errors
 /// The errors of `l`: where nothing can be evaluated at q itself, and where there is no linear step.
-pub fn close<L: Linearization + ?Sized>(l: &mut L, q: &mut [f64], rule: &Rule, room: &mut Room) -> Result<Closed> {
+pub fn close<L: Linearization + ?Sized>(
+    l: &mut L,
+    q: &mut [f64],
+    rule: &Rule,
+    memory: &mut ClosingScratch,
+) -> Result<Closed> {
     l.evaluate(q)?;
-    room.begin(l, q, rule);
+    memory.begin(l, q, rule);
     let mut iterations = 0;
     loop {
-        room.look(l, rule);
-        if !room.is_active() {
+        memory.look(l, rule);
+        if !memory.is_active() {
             break;
         }
-        let far = room.parts.iter().map(|p| p.far).max().unwrap_or(0).min(rule.undamped.unwrap_or(0));
-        let gains = iterations < rule.iterations + far && l.solve(q, &room.parts)?;
+        let far = memory.parts.iter().map(|p| p.far).max().unwrap_or(0).min(rule.undamped.unwrap_or(0));
+        let gains = iterations < rule.iterations + far && l.solve(q, &memory.parts)?;
         if !gains {
-            room.parts.iter_mut().filter(|p| p.is_active()).for_each(|p| p.stall(rule, Ending::Unfinished));
+            memory.parts.iter_mut().filter(|p| p.is_active()).for_each(|p| p.stall(rule, Ending::Unfinished));
             break;
         }
         iterations += 1;
-        room.limit(l, rule);
-        if !room.is_active() {
+        memory.limit(l, rule);
+        if !memory.is_active() {
             break;
         }
-        room.best.copy_from_slice(q);
+        memory.best.copy_from_slice(q);
         l.advance(q);
         let finite = match l.evaluate(q) {
             Ok(()) => true,
             Err(SystemError::NotFinite { .. }) => false,
             Err(e) => {
-                q.copy_from_slice(&room.best);
+                q.copy_from_slice(&memory.best);
                 return Err(e);
             }
         };
-        if room.judge(l, q, rule, finite) {
+        if memory.judge(l, q, rule, finite) {
             l.evaluate(q)?;
         }
     }
-    Ok(room.report(iterations))
+    Ok(memory.report(iterations))
 }

@@ -1,7 +1,7 @@
 //! The rows that a reduction keeps, closed by its dependent coordinates (34), or by the least displacement in the mass
 //! metric (33).
 
-use super::close::{close, Closed, ClosureError, Linearization, Part, Residuals, Room, Rule};
+use super::close::{close, Closed, ClosingScratch, ClosureError, Linearization, Part, Residuals, Rule};
 use super::orthogonal::orthogonal_step;
 use crate::error::Result;
 use crate::record::Correction;
@@ -98,5 +98,5 @@ impl<S: ConstrainedSystem> Linearization for KeptRows<'_, '_, S> {
 /// # Errors
 /// Where nothing can be evaluated, and where C_D is singular.
 pub fn close_kept<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &mut [f64]) -> Result<Closed> {
-    close(&mut KeptRows::new(r, t, Correction::Partition), q, &TO_ROUND_OFF, &mut Room::default())
+    close(&mut KeptRows::new(r, t, Correction::Partition), q, &TO_ROUND_OFF, &mut ClosingScratch::default())
 }

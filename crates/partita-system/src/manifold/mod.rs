@@ -15,5 +15,5 @@ pub mod scaled;
 pub(crate) mod tests;
 pub mod truncated;
 
-pub use close::{close, Closed, ClosureError, Ending, Linearization, Part, Residuals, Room, Rule};
+pub use close::{close, Closed, ClosingScratch, ClosureError, Ending, Linearization, Part, Residuals, Rule};
 pub use follow::{follow, leap, At, Curve, End, Followed, Pace, Visit};

@@ -108,22 +108,22 @@ fn truncated<'s, S: ConstrainedSystem>(system: &'s S, q: &[f64], level: f64) -> 
 /// Every way to find a linear step, from a start off by `far`; positions as they closed.
 fn every_step(system: &UserSystem<Chains>, closed: &[f64; 3], far: f64) -> Vec<(&'static str, [f64; 3], Closed)> {
     let start = [closed[0] + far, closed[1] - 0.7 * far, closed[2] + 0.4 * far];
-    let mut room = Room::default();
+    let mut memory = ClosingScratch::default();
     let mut found = Vec::new();
     for (name, rule) in [("partition", Correction::Partition), ("mass metric", Correction::MassOrthogonal)] {
         let mut r = Reduction::new(system, 2);
         r.first_partition(0.0, closed).unwrap();
         let mut q = start;
         let mut rows = KeptRows::new(&mut r, 0.0, rule);
-        let done = close(&mut rows, &mut q, &TO_ROUND_OFF, &mut room).unwrap();
+        let done = close(&mut rows, &mut q, &TO_ROUND_OFF, &mut memory).unwrap();
         found.push((name, q, done));
     }
     let mut q = start;
     let mut rows = LeastChange::new(system, 0.0, &start, &[]).unwrap();
-    let done = close(&mut rows, &mut q, &from_afar(1e-12), &mut room).unwrap();
+    let done = close(&mut rows, &mut q, &from_afar(1e-12), &mut memory).unwrap();
     found.push(("least change", q, done));
     let mut q = start;
-    let done = truncated(system, &start, 1e-7).close(&mut q, &mut room).unwrap();
+    let done = truncated(system, &start, 1e-7).close(&mut q, &mut memory).unwrap();
     found.push(("truncated", q, done));
     found
 }
@@ -164,12 +164,12 @@ fn the_partition_keeps_independent_coordinates_and_least_changes_are_the_nearest
 }
 
 /// A linearization that notes what was open at each evaluation.
-struct Noted<L> {
+struct RecordingLinearization<L> {
     of: L,
     closure_error: Vec<f64>,
 }
 
-impl<L: Linearization> Residuals for Noted<L> {
+impl<L: Linearization> Residuals for RecordingLinearization<L> {
     fn evaluate(&mut self, q: &[f64]) -> Result<()> {
         self.of.evaluate(q)?;
         self.closure_error.push(self.of.closure_error(0).worst);
@@ -180,7 +180,7 @@ impl<L: Linearization> Residuals for Noted<L> {
     }
 }
 
-impl<L: Linearization> Linearization for Noted<L> {
+impl<L: Linearization> Linearization for RecordingLinearization<L> {
     fn solve(&mut self, q: &[f64], parts: &[Part]) -> Result<bool> {
         self.of.solve(q, parts)
     }
@@ -214,19 +214,21 @@ fn convergence_is_of_second_order() {
     let system = Chains::one(&lengths, base);
     let closed = four_bar(2.0);
     let start = [closed[0] + 0.3, closed[1] - 0.2, closed[2] + 0.1];
-    let mut room = Room::default();
+    let mut memory = ClosingScratch::default();
     let mut r = Reduction::new(&system, 2);
     r.first_partition(0.0, &closed).unwrap();
-    let mut by_partition = Noted { of: KeptRows::new(&mut r, 0.0, Correction::Partition), closure_error: Vec::new() };
-    close(&mut by_partition, &mut start.clone(), &TO_ROUND_OFF, &mut room).unwrap();
+    let mut by_partition =
+        RecordingLinearization { of: KeptRows::new(&mut r, 0.0, Correction::Partition), closure_error: Vec::new() };
+    close(&mut by_partition, &mut start.clone(), &TO_ROUND_OFF, &mut memory).unwrap();
     // in units of round-off
     let closure_error: Vec<f64> = by_partition.closure_error.iter().map(|x| x * 4.0 * f64::EPSILON).collect();
     assert!((order(&closure_error) - 2.0).abs() < 0.3, "partition: {:?}", closure_error);
-    let mut least = Noted { of: LeastChange::new(&system, 0.0, &start, &[]).unwrap(), closure_error: Vec::new() };
-    close(&mut least, &mut start.clone(), &from_afar(1e-12), &mut room).unwrap();
+    let mut least =
+        RecordingLinearization { of: LeastChange::new(&system, 0.0, &start, &[]).unwrap(), closure_error: Vec::new() };
+    close(&mut least, &mut start.clone(), &from_afar(1e-12), &mut memory).unwrap();
     assert!((order(&least.closure_error) - 2.0).abs() < 0.3, "least change: {:?}", least.closure_error);
-    let mut truncated = Noted { of: truncated(&system, &start, 1e-7), closure_error: Vec::new() };
-    close(&mut truncated, &mut start.clone(), &TO_REST, &mut room).unwrap();
+    let mut truncated = RecordingLinearization { of: truncated(&system, &start, 1e-7), closure_error: Vec::new() };
+    close(&mut truncated, &mut start.clone(), &TO_REST, &mut memory).unwrap();
     assert!((order(&truncated.closure_error) - 2.0).abs() < 0.3, "truncated: {:?}", truncated.closure_error);
 }
 
@@ -235,9 +237,9 @@ fn what_cannot_close_comes_to_rest_open_by_what_is_missing_and_its_neighbour_clo
     // two links of 1 span no more than 2 of 3; the other chain closes
     let system = UserSystem::new(Chains(vec![(vec![1.0, 1.0], 3.0), (vec![1.0, 1.5, 1.0], 2.0)]));
     let mut q = [0.5, -0.3, 0.4, 0.1, -0.9];
-    let mut room = Room::default();
+    let mut memory = ClosingScratch::default();
     let mut rows = LeastChange::new(&system, 0.0, &q, &[]).unwrap();
-    let done = close(&mut rows, &mut q, &from_afar(1e-12), &mut room).unwrap();
+    let done = close(&mut rows, &mut q, &from_afar(1e-12), &mut memory).unwrap();
     assert_eq!(done.ending, Ending::AtRest);
     let mut phi = [0.0; 4];
     system.equations.constraints(0.0, &q, &mut phi).unwrap();
@@ -298,7 +300,7 @@ fn rows_that_contradict_each_other_rest_half_way_and_are_followed_there() {
         let system = UserSystem::new(TwoCircles(e));
         let mut q = [1.1, 0.2];
         let mut rows = truncated(&system, &q, 1e-3);
-        let done = rows.close(&mut q, &mut Room::default()).unwrap();
+        let done = rows.close(&mut q, &mut ClosingScratch::default()).unwrap();
         assert_eq!(done.ending, Ending::AtRest);
         let half = |q: &[f64]| 0.5 * (q[0] * q[0] + q[1] * q[1] - 1.0) - 0.5 * e;
         // in natural scales: a large move from x = 1.1 opens the rows by its square
@@ -371,7 +373,7 @@ impl<F: Fn(f64) -> (f64, f64)> Linearization for Scalars<F> {
 fn each_part_takes_its_own_steps_and_ends_by_itself() {
     let alone = |f: fn(f64) -> (f64, f64), x: f64| {
         let mut q = [x];
-        let done = close(&mut scalar(f), &mut q, &Rule::new(60, 1e-15, 1e-12), &mut Room::default()).unwrap();
+        let done = close(&mut scalar(f), &mut q, &Rule::new(60, 1e-15, 1e-12), &mut ClosingScratch::default()).unwrap();
         (q[0], done)
     };
     let f: [fn(f64) -> (f64, f64); 4] = [
@@ -381,43 +383,43 @@ fn each_part_takes_its_own_steps_and_ends_by_itself() {
         |x| (x - 0.5, 1.0),
     ];
     let start = [3.0, 1.0, 5.0, 0.5];
-    let (mut q, mut room) = (start, Room::default());
-    let done = close(&mut scalars(f.to_vec()), &mut q, &Rule::new(60, 1e-15, 1e-12), &mut room).unwrap();
+    let (mut q, mut memory) = (start, ClosingScratch::default());
+    let done = close(&mut scalars(f.to_vec()), &mut q, &Rule::new(60, 1e-15, 1e-12), &mut memory).unwrap();
     let mut most = 0;
     for i in 0..4 {
         let (x, one) = alone(f[i], start[i]);
-        assert!(room.parts[i].ending == Some(one.ending) && q[i] == x, "{i}");
+        assert!(memory.parts[i].ending == Some(one.ending) && q[i] == x, "{i}");
         most = most.max(one.iterations);
     }
     assert_eq!((done.ending, done.iterations), (Ending::Unfinished, most));
-    assert!(room.parts[3].moved == 0.0 && q[3] == 0.5);
+    assert!(memory.parts[3].moved == 0.0 && q[3] == 0.5);
 }
 
 #[test]
 fn steps_that_gain_nothing_are_shortened_and_those_that_do_not_contract_end() {
-    let mut room = Room::default();
+    let mut memory = ClosingScratch::default();
     // Newton's method alone runs away from here
     let atan = |x: f64| (x.atan(), 1.0 / (1.0 + x * x));
     let mut q = [3.0];
-    let done = close(&mut scalar(atan), &mut q, &Rule::new(60, 1e-15, 1e-12), &mut room).unwrap();
+    let done = close(&mut scalar(atan), &mut q, &Rule::new(60, 1e-15, 1e-12), &mut memory).unwrap();
     assert!(done.is_closed() && q[0].abs() < 1e-12, "{done:?} {q:?}");
     let near = Rule::new(60, 1e-15, 1e-12).contracting(0.5, 0.25);
-    let done = close(&mut scalar(atan), &mut [3.0], &near, &mut room).unwrap();
+    let done = close(&mut scalar(atan), &mut [3.0], &near, &mut memory).unwrap();
     assert_eq!(done.ending, Ending::Elsewhere);
-    let done = close(&mut scalar(atan), &mut [0.3], &near, &mut room).unwrap();
+    let done = close(&mut scalar(atan), &mut [0.3], &near, &mut memory).unwrap();
     assert!(done.is_closed());
     // beyond 0 nothing can be evaluated, and the first step leads there
     let mut q = [0.9];
-    let done = close(&mut scalar(|x| (x.ln() + 2.0, 1.0 / x)), &mut q, &Rule::new(60, 1e-15, 1e-12), &mut room);
+    let done = close(&mut scalar(|x| (x.ln() + 2.0, 1.0 / x)), &mut q, &Rule::new(60, 1e-15, 1e-12), &mut memory);
     assert!(done.unwrap().is_closed() && (q[0] - (-2.0f64).exp()).abs() < 1e-15);
     // cut steps take as many as the way is long
     let cut = Rule::new(60, 1e-15, 1e-12).cut(0.5);
-    let done = close(&mut scalar(|x| (x - 10.0, 1.0)), &mut [0.0], &cut, &mut room).unwrap();
+    let done = close(&mut scalar(|x| (x - 10.0, 1.0)), &mut [0.0], &cut, &mut memory).unwrap();
     assert!(done.is_closed() && done.iterations == 20 && (done.moved - 10.0).abs() < 1e-12, "{done:?}");
     // a double root is closed by halves; what has none is not
-    let done = close(&mut scalar(|x| (x * x, 2.0 * x)), &mut [1.0], &Rule::new(60, 1e-15, 1e-12), &mut room);
+    let done = close(&mut scalar(|x| (x * x, 2.0 * x)), &mut [1.0], &Rule::new(60, 1e-15, 1e-12), &mut memory);
     assert!(done.unwrap().is_closed());
-    let done = close(&mut scalar(|x| (x * x + 0.1, 2.0 * x)), &mut [1.0], &Rule::new(60, 1e-15, 1e-12), &mut room);
+    let done = close(&mut scalar(|x| (x * x + 0.1, 2.0 * x)), &mut [1.0], &Rule::new(60, 1e-15, 1e-12), &mut memory);
     let done = done.unwrap();
     assert!(done.ending == Ending::Unfinished && done.closure_error.worst < 0.11, "{done:?}");
 }
@@ -426,11 +428,11 @@ fn steps_that_gain_nothing_are_shortened_and_those_that_do_not_contract_end() {
 fn closed_positions_cost_one_evaluation_and_keep_their_digits() {
     let mut f = scalar(|x| (x, 1.0));
     let mut q = [1e-16];
-    let done = close(&mut f, &mut q, &Rule::new(60, 1e-15, 1e-12), &mut Room::default()).unwrap();
+    let done = close(&mut f, &mut q, &Rule::new(60, 1e-15, 1e-12), &mut ClosingScratch::default()).unwrap();
     assert!(done.is_closed() && done.iterations == 0 && f.evaluations == 1 && q == [1e-16]);
     // what rounding leaves open is closed when no step gains, at the best position found
     let mut f = scalar(|x| (x + 3e-14, 1.0 + 1e-3));
-    let done = close(&mut f, &mut [1e-3], &Rule::new(60, 0.0, 1e-12), &mut Room::default()).unwrap();
+    let done = close(&mut f, &mut [1e-3], &Rule::new(60, 0.0, 1e-12), &mut ClosingScratch::default()).unwrap();
     assert!(done.is_closed() && done.closure_error.worst <= 1e-13, "{done:?}");
 }
 

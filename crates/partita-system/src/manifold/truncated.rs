@@ -7,7 +7,7 @@
 //! Pivots (or singular values) up to the level s count as null: weaker rows are not closed. Far from the solution the
 //! level is graded, strong rows first, since otherwise steps jump along weak ones.                             (11.9)
 
-use super::close::{close, Closed, ClosureError, Ending, Linearization, Part, Residuals, Room, Rule};
+use super::close::{close, Closed, ClosingScratch, ClosureError, Ending, Linearization, Part, Residuals, Rule};
 use super::follow::{Curve, LONGEST_PREDICTION};
 use super::scaled::Scaled;
 use crate::error::Result;
@@ -108,10 +108,10 @@ impl<'s, S: ConstrainedSystem> Truncated<'s, S> {
     ///
     /// # Errors
     /// As [`close`].
-    pub fn close(&mut self, q: &mut [f64], room: &mut Room) -> Result<Closed> {
+    pub fn close(&mut self, q: &mut [f64], memory: &mut ClosingScratch) -> Result<Closed> {
         (self.grade, self.length) = (FIRST_GRADE, f64::INFINITY);
         self.moved.fill(0.0);
-        close(self, q, &TO_REST, room)
+        close(self, q, &TO_REST, memory)
     }
 
     /// Φ and C of the rows at q, dense.
@@ -215,13 +215,13 @@ pub struct Along<'r, 's, S: ConstrainedSystem> {
     pub free: Option<Motions>,
     /// Allowed residual of the rows.
     closure_error: f64,
-    room: Room,
+    memory: ClosingScratch,
 }
 
 impl<'r, 's, S: ConstrainedSystem> Along<'r, 's, S> {
     /// Along the motions that these rows leave free, with the allowed residual `closure_error`.
     pub fn new(rows: &'r mut Truncated<'s, S>, closure_error: f64) -> Self {
-        Self { rows, free: None, closure_error, room: Room::default() }
+        Self { rows, free: None, closure_error, memory: ClosingScratch::default() }
     }
 }
 
@@ -244,7 +244,7 @@ impl<S: ConstrainedSystem> Curve for Along<'_, '_, S> {
         self.rows.step(q, ds, tangent);
     }
     fn close(&mut self, q: &mut [f64], _s: f64) -> Result<Closed> {
-        self.rows.close(q, &mut self.room)
+        self.rows.close(q, &mut self.memory)
     }
     fn accepts(&self, closed: &Closed) -> bool {
         closed.ending <= Ending::AtRest && closed.closure_error.worst <= self.closure_error

@@ -6,7 +6,7 @@
 use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
-use crate::manifold::{close, ClosureError, Linearization, Part, Residuals, Room};
+use crate::manifold::{close, ClosingScratch, ClosureError, Linearization, Part, Residuals};
 use crate::positions::PositionSteps;
 use crate::record::{Correction, History};
 use crate::reduction::Reduction;
@@ -21,7 +21,7 @@ pub struct All {
     wraps: bool,
     q: Vec<f64>,
     dv: Vec<f64>,
-    room: Room,
+    memory: ClosingScratch,
     corrections: u64,
     /// Whether the last correction of an end of a step found nothing to correct, with the position level there.
     found: bool,
@@ -67,7 +67,15 @@ impl All {
     /// For a system of this size.
     pub fn new(size: Size, correction: Correction) -> Self {
         let (q, dv) = (vec![0.0; size.nq], vec![0.0; size.nv]);
-        Self { correction, wraps: true, room: Room::for_coordinates(size.nq), q, dv, corrections: 0, found: false }
+        Self {
+            correction,
+            wraps: true,
+            memory: ClosingScratch::for_coordinates(size.nq),
+            q,
+            dv,
+            corrections: 0,
+            found: false,
+        }
     }
 
     /// Angles keep their whole turns, because a function depends on them.
@@ -123,7 +131,7 @@ impl All {
     ) -> Result<()> {
         let (system, dv) = (tangent.seen().system.clone(), &mut self.dv[..]);
         let mut rows = Corrected { system: &*system, tangent, t, rule, dv, closure_error: ClosureError::default() };
-        match close(&mut rows, &mut self.q, &TO_ROUND_OFF, &mut self.room) {
+        match close(&mut rows, &mut self.q, &TO_ROUND_OFF, &mut self.memory) {
             Ok(_) => Ok(()),
             // an error that cannot be corrected here, next to a singular position, remains
             Err(_) => tangent.reduction().position(t, &self.q),

@@ -22,11 +22,11 @@ use super::continuity::Continuity;
 use super::{turns, Positions};
 use crate::error::Result;
 use crate::manifold::kept_rows::TO_ROUND_OFF;
-use crate::manifold::{close, Closed, ClosureError, Linearization, Part, Residuals, Room, Rule};
+use crate::manifold::{close, Closed, ClosingScratch, ClosureError, Linearization, Part, Residuals, Rule};
 use crate::options::Renew;
 use crate::positions::PositionSteps;
 use crate::record::History;
-use crate::record::Verdict;
+use crate::record::StepDecision;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::frozen::Frozen;
 use crate::tangent::{TangentClosing, TangentLevels};
@@ -75,7 +75,7 @@ pub struct Chart {
     miss: Vec<f64>,
     rhs: Vec<f64>,
     covectors: Vec<f64>,
-    room: Room,
+    memory: ClosingScratch,
     iterations: u32,
     /// Number of all iterations, without those for outputs.
     sum: u64,
@@ -103,7 +103,7 @@ impl Chart {
             miss: vec![0.0; k],
             rhs: vec![0.0; n],
             covectors: vec![0.0; k * n],
-            room: Room::for_coordinates(n),
+            memory: ClosingScratch::for_coordinates(n),
             iterations: 0,
             sum: 0,
             wants: None,
@@ -145,10 +145,10 @@ impl Chart {
 
     /// Newton's method from Δ.
     fn close<S: ConstrainedSystem>(&mut self, x: &mut Frozen<S>, t: f64) -> Result<Closed> {
-        let (mut delta, mut room) = (std::mem::take(&mut self.delta), std::mem::take(&mut self.room));
+        let (mut delta, mut memory) = (std::mem::take(&mut self.delta), std::mem::take(&mut self.memory));
         let mut rows = InChart { chart: self, x, t, length: 0.0, closure_error: ClosureError::default() };
-        let found = close(&mut rows, &mut delta, &RULE, &mut room);
-        (self.delta, self.room) = (delta, room);
+        let found = close(&mut rows, &mut delta, &RULE, &mut memory);
+        (self.delta, self.memory) = (delta, memory);
         found
     }
 
@@ -294,12 +294,12 @@ impl<'s, S: ConstrainedSystem> PositionSteps<'s, S, Frozen<'s, S>> for Chart {
     fn settle(&mut self, _x: &mut Frozen<'s, S>, _t: f64, _y: &mut [f64]) -> Result<bool> {
         Ok(false) // closed at every evaluation
     }
-    fn judge(&mut self, x: &mut Frozen<'s, S>, t: f64, margin: Option<f64>) -> Verdict {
+    fn judge(&mut self, x: &mut Frozen<'s, S>, t: f64, margin: Option<f64>) -> StepDecision {
         x.full_acceleration(&mut self.vdot);
         let near = Continuity::nearness(0.0, margin.unwrap_or(f64::INFINITY));
         let r = x.seen();
         if !self.continuity.judge(t, &r.v, &self.vdot, r.scales(), near) {
-            return Verdict::Repeat;
+            return StepDecision::Repeat;
         }
         self.trial.copy_from_slice(&self.delta);
         self.wants = if self.renew.never() {
@@ -311,7 +311,7 @@ impl<'s, S: ConstrainedSystem> PositionSteps<'s, S, Frozen<'s, S>> for Chart {
         } else {
             None
         };
-        Verdict::Keep
+        StepDecision::Keep
     }
     fn wants_change(&self) -> Option<&'static str> {
         self.wants

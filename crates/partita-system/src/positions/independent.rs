@@ -14,7 +14,7 @@ use super::{turns, Positions};
 use crate::error::Result;
 use crate::positions::PositionSteps;
 use crate::record::History;
-use crate::record::Verdict;
+use crate::record::StepDecision;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 
@@ -186,17 +186,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.core.states.gather(&self.core.q, y); // a quaternion was turned or brought to length 1
         Ok(true)
     }
-    fn judge(&mut self, tangent: &mut T, t: f64, margin: Option<f64>) -> Verdict {
+    fn judge(&mut self, tangent: &mut T, t: f64, margin: Option<f64>) -> StepDecision {
         tangent.full_acceleration(&mut self.vdot);
         self.gain = best_gain(tangent);
         let near = Continuity::nearness(self.gain, margin.unwrap_or(f64::INFINITY));
         let r = tangent.seen();
         if !self.core.continuity.judge(t, &r.v, &self.vdot, r.scales(), near) {
-            return Verdict::Repeat;
+            return StepDecision::Repeat;
         }
         self.trial.copy_from_slice(&self.core.q);
         self.by.look(tangent);
-        Verdict::Keep
+        StepDecision::Keep
     }
     fn is_stuck(&mut self) -> bool {
         let stuck = self.core.continuity.is_stuck(self.gain);

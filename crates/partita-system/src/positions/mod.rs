@@ -11,7 +11,7 @@ pub mod turns;
 
 use crate::error::Result;
 use crate::record::History;
-use crate::record::Verdict;
+use crate::record::StepDecision;
 use crate::system::{ConstrainedSystem, SystemError};
 use crate::tangent::Tangent;
 
@@ -54,8 +54,8 @@ pub trait PositionSteps<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> {
         false
     }
     /// Whether the step that ends at the point last evaluated is continuous.
-    fn judge(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) -> Verdict {
-        Verdict::Keep
+    fn judge(&mut self, _tangent: &mut T, _t: f64, _margin: Option<f64>) -> StepDecision {
+        StepDecision::Keep
     }
     /// For a step that the tangent accepts: true where the positions need another choice, and why.
     fn wants_change(&self) -> Option<&'static str> {

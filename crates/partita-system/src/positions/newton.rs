@@ -10,7 +10,7 @@
 use super::independent::{Core, Dependent, Point};
 use crate::error::Result;
 use crate::manifold::kept_rows::{KeptRows, TO_ROUND_OFF};
-use crate::manifold::{close, Room};
+use crate::manifold::{close, ClosingScratch};
 use crate::record::{Correction, History};
 use crate::reduction::Reduction;
 use crate::singular::dead_point::dead_point;
@@ -24,7 +24,7 @@ use partita_math::tolerance;
 pub struct Newton {
     /// Iterations so far, without those for outputs.
     iterations: u64,
-    room: Room,
+    memory: ClosingScratch,
 }
 
 impl Newton {
@@ -34,7 +34,7 @@ impl Newton {
     /// that is much smaller, the start was nearly half-way between two solutions, and either one may be found.
     fn close<S: ConstrainedSystem>(&mut self, r: &mut Reduction<S>, t: f64, q: &mut [f64], near: bool) -> Result<f64> {
         let mut rows = KeptRows::new(r, t, Correction::Partition).measuring(near);
-        let done = close(&mut rows, q, &TO_ROUND_OFF, &mut self.room)?;
+        let done = close(&mut rows, q, &TO_ROUND_OFF, &mut self.memory)?;
         let first = rows.first_distance;
         self.iterations += done.iterations as u64;
         if done.is_closed() {

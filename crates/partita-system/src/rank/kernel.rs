@@ -2,7 +2,7 @@
 
 use crate::manifold::scaled::Scaled;
 use crate::manifold::truncated::{Cut, Motions, Truncated};
-use crate::manifold::{Ending, Room};
+use crate::manifold::{ClosingScratch, Ending};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::factor::{svd, svd_full};
 
@@ -17,7 +17,7 @@ pub struct Closed {
 /// The loop closures of a system, drives released, at time t.
 pub struct Kernel<'s, S: ConstrainedSystem> {
     pub(super) closings: Truncated<'s, S>,
-    room: Room,
+    memory: ClosingScratch,
     /// Holonomic rows that prescribe no motion.
     pub rows: Vec<usize>,
     /// Closure error of each of them under a large displacement.
@@ -34,7 +34,7 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
             sizes: rows.iter().map(|&i| scaled.length[i]).collect(),
             rows,
             closings: Truncated::new(scaled, t, Cut::Level(0.0)),
-            room: Room::default(),
+            memory: ClosingScratch::default(),
         }
     }
 
@@ -93,7 +93,7 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
     ///                                                                                                      (11.9, 1)
     pub fn close(&mut self, q: &mut [f64], cut: Cut) -> Result<Option<Closed>, SystemError> {
         self.closings.cut = cut;
-        let closed = match self.closings.close(q, &mut self.room) {
+        let closed = match self.closings.close(q, &mut self.memory) {
             Err(SystemError::NotFinite { .. }) => return Ok(None),
             closed => closed?,
         };

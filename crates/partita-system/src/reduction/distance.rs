@@ -8,8 +8,8 @@ use partita_math::tolerance;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Distance {
     clusters: Vec<Sums>,
-    u: Left,
-    w: Left,
+    u: LeftVector,
+    w: LeftVector,
     of_choice: OfChoice,
 }
 
@@ -29,14 +29,14 @@ struct OfChoice {
 
 /// A left vector u and uᵀC.
 #[derive(Clone, Debug, Default)]
-struct Left {
+struct LeftVector {
     /// By steps of the elimination.
     by_rows: Vec<f64>,
     dependent: Vec<f64>,
     independent: Vec<f64>,
 }
 
-impl Left {
+impl LeftVector {
     fn lay_out(&mut self, rank: usize, k: usize) {
         self.by_rows.resize(rank, 0.0);
         self.dependent.resize(rank, 0.0);
@@ -223,9 +223,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     }
 
     /// From the right-hand side x in `dependent`: y = C_D⁻¹ x, the vector C_D⁻ᵀ y, and its products with C.
-    fn improve(&self, left: &mut Left, of: &OfChoice) {
+    fn improve(&self, left: &mut LeftVector, of: &OfChoice) {
         let Some(plan) = &self.plan else { return };
-        let Left { by_rows, dependent, independent } = left;
+        let LeftVector { by_rows, dependent, independent } = left;
         dependent.iter_mut().zip(&of.rows).for_each(|(x, size)| *x *= size);
         plan.solve(&self.factors, dependent, 1);
         dependent.iter_mut().zip(&of.dependent).for_each(|(x, size)| *x /= size);

@@ -81,8 +81,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     spread_entries: Vec<(u32, u32, u32)>,
     vdot: Vec<f64>,
     distance: distance::Distance,
-    room: switches::Room,
-    row_room: row_exchange::RowRoom,
+    memory: switches::SwitchScratch,
+    row_memory: row_exchange::RowScratch,
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
     pub s2: Vec<f64>,
     s: Vec<f64>,
@@ -155,7 +155,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         let system = system.into();
         let clusters = system.clusters();
-        Self::room(system, rank, Some(clusters))
+        Self::memory(system, rank, Some(clusters))
     }
 
     /// For questions of geometry alone: velocities are weighted by their characteristic displacements, so that masses
@@ -189,11 +189,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// As `new`, with `dt` (nv x k), `a_matrix` (r x k) and M_d in full, however many degrees of freedom there are.
     pub fn dense(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
-        Self::room(system.into(), rank, None)
+        Self::memory(system.into(), rank, None)
     }
 
     /// Without clusters `dt` and M_d are held in full.
-    fn room(system: SystemRef<'s, S>, rank: usize, clusters: Option<Clusters>) -> Self {
+    fn memory(system: SystemRef<'s, S>, rank: usize, clusters: Option<Clusters>) -> Self {
         let size = system.size();
         let (n, k) = (size.nv, size.nv - rank);
         Self {
@@ -206,8 +206,8 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             spread_entries: Vec::new(),
             vdot: Vec::new(),
             distance: distance::Distance::default(),
-            room: switches::Room::default(),
-            row_room: row_exchange::RowRoom::default(),
+            memory: switches::SwitchScratch::default(),
+            row_memory: row_exchange::RowScratch::default(),
             scratch: system.scratch(),
             size,
             rank,

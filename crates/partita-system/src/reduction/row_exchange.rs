@@ -8,7 +8,7 @@
 
 use super::{Reduction, NONE};
 use crate::system::{ConstrainedSystem, SystemError};
-use partita_math::elimination::SparseRoom;
+use partita_math::elimination::SparseScratch;
 use partita_math::tolerance;
 
 /// A loop closure has this weight relative to a drive, and a drive relative to a row that holds for velocities alone.
@@ -29,12 +29,12 @@ pub struct RowExchange {
 
 /// Memory for examining the rows left out.
 #[derive(Clone, Debug, Default)]
-pub(super) struct RowRoom {
+pub(super) struct RowScratch {
     /// Step of the elimination of each dependent velocity; `NONE` for the others.
     step_of: Vec<u32>,
     /// Dependent entries of a row, by steps.
     entries: Vec<(usize, f64)>,
-    sparse: SparseRoom,
+    sparse: SparseScratch,
     weights: Vec<(usize, f64)>,
     /// Kept rows, by steps, that take part in an exchange found.
     taken: Vec<bool>,
@@ -47,16 +47,16 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         if self.dropped.is_empty() {
             return;
         }
-        let room = &mut self.row_room;
-        room.step_of.clear();
-        room.step_of.resize(self.size.nv, NONE);
-        self.partition.dependent.iter().enumerate().for_each(|(step, &i)| room.step_of[i] = step as u32);
-        room.taken.clear();
-        room.taken.resize(self.rank, false);
-        room.sparse = SparseRoom::new(self.rank);
-        room.entries.reserve(self.rank);
-        room.weights.reserve(self.rank);
-        room.found.reserve(self.dropped.len());
+        let memory = &mut self.row_memory;
+        memory.step_of.clear();
+        memory.step_of.resize(self.size.nv, NONE);
+        self.partition.dependent.iter().enumerate().for_each(|(step, &i)| memory.step_of[i] = step as u32);
+        memory.taken.clear();
+        memory.taken.resize(self.rank, false);
+        memory.sparse = SparseScratch::new(self.rank);
+        memory.entries.reserve(self.rank);
+        memory.weights.reserve(self.rank);
+        memory.found.reserve(self.dropped.len());
     }
 
     /// Weight of a row in the choice: its precedence over its size.
@@ -74,29 +74,29 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Exchanges of rows that gain, with the current factors: at most one of each row left out, such that none changes
     /// the gain of another. Cost: the rows of the factors that rows left out touch.
     fn profitable_row_swaps(&mut self) -> &[RowExchange] {
-        let mut room = std::mem::take(&mut self.row_room);
-        room.found.clear();
-        room.taken.fill(false);
+        let mut memory = std::mem::take(&mut self.row_memory);
+        memory.found.clear();
+        memory.taken.fill(false);
         let pattern = self.system.pattern();
         if let Some(plan) = self.plan.as_ref().filter(|_| self.rank > 0) {
             for &enters in self.dropped.iter().filter(|&&i| self.row_scale[i] > 0.0) {
-                room.entries.clear();
-                let steps = pattern.row(enters).map(|e| (room.step_of[pattern.col_idx[e]], self.c[e]));
-                room.entries.extend(steps.filter(|x| x.0 != NONE).map(|(step, c)| (step as usize, c)));
-                plan.solve_transposed_sparse(&self.factors, &room.entries, &mut room.sparse, &mut room.weights);
+                memory.entries.clear();
+                let steps = pattern.row(enters).map(|e| (memory.step_of[pattern.col_idx[e]], self.c[e]));
+                memory.entries.extend(steps.filter(|x| x.0 != NONE).map(|(step, c)| (step as usize, c)));
+                plan.solve_transposed_sparse(&self.factors, &memory.entries, &mut memory.sparse, &mut memory.weights);
                 let weight = self.row_weight(enters);
                 let gain = |&(step, w): &(usize, f64)| w.abs() * weight / self.row_weight(self.partition.rows[step]);
-                let best = room.weights.iter().map(|x| (x.0, gain(x))).max_by(|a, b| a.1.total_cmp(&b.1));
+                let best = memory.weights.iter().map(|x| (x.0, gain(x))).max_by(|a, b| a.1.total_cmp(&b.1));
                 let Some((step, gain)) = best.filter(|x| x.1 > tolerance::DOUBLED) else { continue };
-                if room.weights.iter().any(|x| room.taken[x.0]) {
+                if memory.weights.iter().any(|x| memory.taken[x.0]) {
                     continue; // the next look sees what is left of its gain
                 }
-                room.weights.iter().for_each(|x| room.taken[x.0] = true);
-                room.found.push(RowExchange { enters, leaves: self.partition.rows[step], gain });
+                memory.weights.iter().for_each(|x| memory.taken[x.0] = true);
+                memory.found.push(RowExchange { enters, leaves: self.partition.rows[step], gain });
             }
         }
-        self.row_room = room;
-        &self.row_room.found
+        self.row_memory = memory;
+        &self.row_memory.found
     }
 
     /// Whether among redundant rows others have become better than those kept. To be called after `factor`.

@@ -10,7 +10,7 @@ const WIDTH: usize = 8;
 
 /// Memory for examining clusters after a step, and the part of it that belongs to the choice.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Room {
+pub(super) struct SwitchScratch {
     /// Independent velocity in each packed column, by cluster.
     index: Vec<usize>,
     solves: Vec<Solve>,
@@ -48,7 +48,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let best = switch::best(&self.a_matrix, scales, &p.dependent, &p.independent);
             return best.into_iter().filter(|x| x.gain > threshold).collect();
         }
-        let Room { index, solves, best, columns } = &mut self.room;
+        let SwitchScratch { index, solves, best, columns } = &mut self.memory;
         best.fill(None);
         let mut see = |c: usize, enters: usize, leaves: usize, a: f64| {
             let gain = a.abs() * scales[p.independent[leaves]] / scales[p.dependent[enters]];
@@ -92,7 +92,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         let solves = self.solves();
         let widest = solves.iter().map(|x| x.width).max().unwrap_or(0);
-        self.room = Room { index, solves, best: vec![None; count], columns: vec![0.0; self.rank * widest] };
+        self.memory = SwitchScratch { index, solves, best: vec![None; count], columns: vec![0.0; self.rank * widest] };
     }
 
     /// The columns of A that are not formed, as few as there can be one after the other.

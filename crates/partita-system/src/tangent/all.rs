@@ -41,7 +41,7 @@ macro_rules! instant {
 ///
 /// Of the options it reads `correction`, and `switch_threshold` for the partition that (34) moves; it has no independent
 /// coordinates of its own.
-pub struct Everything<'s, S: ConstrainedSystem> {
+pub struct AllVelocities<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     /// Called once in an evaluation, by its table: the frame is not compiled anew for each of the rules.
     rule: Box<dyn AccelerationRule + Send>,
@@ -63,7 +63,7 @@ pub struct Everything<'s, S: ConstrainedSystem> {
     iterations: u64,
 }
 
-impl<'s, S: ConstrainedSystem> Everything<'s, S> {
+impl<'s, S: ConstrainedSystem> AllVelocities<'s, S> {
     /// For a system of the given rank (see [`start::analyse`]).
     pub fn new(
         system: impl Into<SystemRef<'s, S>>,
@@ -173,7 +173,7 @@ impl<'s, S: ConstrainedSystem> Everything<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Everything<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
     fn base(&self) -> &Base<'s, S> {
         &self.base
     }
@@ -209,7 +209,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Everything<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Everything<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
     fn natural_size(&self, j: usize) -> f64 {
         self.base.r.system.characteristic_displacement(j)
     }
@@ -267,7 +267,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Everything<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Everything<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for AllVelocities<'s, S> {
     /// Distance from a singular position of the partition, whose factors no evaluation needs. It is known no better than
     /// the closure error of positions that drift.
     fn sides(&self, sides: &mut Sides) {

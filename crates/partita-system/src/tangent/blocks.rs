@@ -11,7 +11,7 @@ use crate::closing::Closing;
 use crate::error::Result;
 use crate::options::FormulationOptions;
 use crate::partition::normalised_determinant;
-use crate::record::{Correction, History, PartitionEvent, Verdict};
+use crate::record::{Correction, History, PartitionEvent, StepDecision};
 use crate::reduction::{Reduction, Sides};
 use crate::singular::dead_point::dead_point;
 use crate::start;
@@ -212,16 +212,16 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Blocks<'s, S> {
         };
         self.base.log(t, q, &[], reason.into())
     }
-    fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
+    fn judge(&mut self, t: f64, q: &[f64]) -> StepDecision {
         self.next = None;
         self.base.fading = self.base.r.rows_fade();
         if self.base.is_rigid_or_free() || self.fixed.is_some() {
-            return Verdict::Keep;
+            return StepDecision::Keep;
         }
         let gain = self.base.r.best_switch().map_or(0.0, |x| x.gain);
         match gain > self.switch_threshold && self.better_inputs(t, q, gain) {
-            true => Verdict::Change,
-            false => Verdict::Keep,
+            true => StepDecision::Change,
+            false => StepDecision::Keep,
         }
     }
     fn attends(&self) -> bool {

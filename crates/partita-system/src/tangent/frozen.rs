@@ -21,7 +21,7 @@ use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
 use crate::options::Renew;
 use crate::partition::criterion::Quality;
-use crate::record::{Correction, History, Output, PartitionEvent, Sample, Verdict};
+use crate::record::{Correction, History, Output, PartitionEvent, Sample, StepDecision};
 use crate::reduction::{Reduction, Sides};
 use crate::start;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
@@ -305,26 +305,26 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
         self.go_on(t, q, v)
     }
     /// S is to be renewed when √μ_S falls below `renew` times its value when frozen; 0: never.
-    fn judge(&mut self, t: f64, q: &[f64]) -> Verdict {
+    fn judge(&mut self, t: f64, q: &[f64]) -> StepDecision {
         if self.base.is_rigid_or_free() {
-            return Verdict::Keep;
+            return StepDecision::Keep;
         }
         let r = &mut self.base.r;
         self.base.fading = r.rows_fade() || r.best_switch().is_some_and(|x| x.gain > tolerance::DOUBLED);
-        let Renew::Below(least) = self.renew else { return Verdict::Change };
+        let Renew::Below(least) = self.renew else { return StepDecision::Change };
         // a failure here would recur in the next evaluation, which reports it
-        let Ok(now) = self.quality_here(t, q) else { return Verdict::Keep };
+        let Ok(now) = self.quality_here(t, q) else { return StepDecision::Keep };
         self.lowest = self.lowest.min(now.sqrt_mu);
         let part = now.sqrt_mu / self.fresh.sqrt_mu;
         let fails = part < least;
         if fails && tolerance::CLEARLY * part < least && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
-            return Verdict::Repeat;
+            return StepDecision::Repeat;
         }
         self.rejects_in_a_row = 0;
         match fails {
-            true => Verdict::Change,
-            false => Verdict::Keep,
+            true => StepDecision::Change,
+            false => StepDecision::Keep,
         }
     }
     fn accept(&mut self, t: f64, q: &[f64]) -> Result<()> {

@@ -13,7 +13,7 @@ pub mod user;
 pub use base::Base;
 
 use crate::error::Result;
-use crate::record::{Correction, History, Output, PartitionEvent, Sample, Verdict};
+use crate::record::{Correction, History, Output, PartitionEvent, Sample, StepDecision};
 use crate::reduction::{Reduction, Sides};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::Matrix;
@@ -97,9 +97,9 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     }
     /// How good the choice still is at the end of a step, the point last evaluated. Changes nothing an evaluation
     /// depends on.
-    fn judge(&mut self, t: f64, _q: &[f64]) -> Verdict {
+    fn judge(&mut self, t: f64, _q: &[f64]) -> StepDecision {
         self.base_mut().look_at_factors(t);
-        Verdict::Keep
+        StepDecision::Keep
     }
     /// Whether [`accept`](Self::accept) needs the end of the step that was judged.
     fn attends(&self) -> bool {

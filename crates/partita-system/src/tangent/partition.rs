@@ -11,7 +11,7 @@ use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::FormulationOptions;
 use crate::partition::switch::CoordinateSwitch;
 use crate::partition::Selection;
-use crate::record::{Correction, History, PartitionEvent, Verdict};
+use crate::record::{Correction, History, PartitionEvent, StepDecision};
 use crate::reduction::{Reduction, Sides};
 use crate::singular::dead_point;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
@@ -153,28 +153,28 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
         }
         Ok(())
     }
-    fn judge(&mut self, t: f64, _q: &[f64]) -> Verdict {
+    fn judge(&mut self, t: f64, _q: &[f64]) -> StepDecision {
         let r = &mut self.base.r;
         self.base.fading = r.rows_fade();
         if self.stays() {
-            return Verdict::Keep;
+            return StepDecision::Keep;
         }
         let r = &self.base.r;
         if let Some(chooser) = &mut self.chooser {
             chooser.record(r, t); // a step that is repeated replaces what it left
                                   // a failure here recurs in `renew`, which reports it
-            return if matches!(chooser.propose(r, t), Ok(None)) { Verdict::Keep } else { Verdict::Change };
+            return if matches!(chooser.propose(r, t), Ok(None)) { StepDecision::Keep } else { StepDecision::Change };
         }
         let best = self.best_switches(self.options.switch_threshold);
         let spoilt = best.iter().any(|x| x.gain > tolerance::CLEARLY) && self.options.switch_threshold.is_finite();
         if spoilt && self.rejects_in_a_row < 3 {
             self.rejects_in_a_row += 1;
-            return Verdict::Repeat;
+            return StepDecision::Repeat;
         }
         self.rejects_in_a_row = 0;
         match best.is_empty() {
-            true => Verdict::Keep,
-            false => Verdict::Change,
+            true => StepDecision::Keep,
+            false => StepDecision::Change,
         }
     }
     fn attends(&self) -> bool {

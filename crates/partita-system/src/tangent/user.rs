@@ -28,7 +28,7 @@ use std::sync::Arc;
 const TANGENT_MOVE: f64 = 1e-2;
 
 /// Tangent given by the user as functions D and γ.
-pub struct Given<'s, S: ConstrainedSystem> {
+pub struct MappedTangent<'s, S: ConstrainedSystem> {
     base: Base<'s, S>,
     map: Arc<dyn TangentMap>,
     displacement: Vec<f64>,
@@ -43,7 +43,7 @@ pub struct Given<'s, S: ConstrainedSystem> {
     first: Vec<f64>,
 }
 
-impl<'s, S: ConstrainedSystem> Given<'s, S> {
+impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
     /// For a system of the given rank.
     pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize, map: Arc<dyn TangentMap>) -> Self {
         let r = Reduction::dense(system, rank).trusting_pivots();
@@ -264,7 +264,7 @@ impl<'s, S: ConstrainedSystem> Given<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Given<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for MappedTangent<'s, S> {
     fn base(&self) -> &Base<'s, S> {
         &self.base
     }
@@ -283,7 +283,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Given<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for MappedTangent<'s, S> {
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         start::choose_partition(&mut self.base.r, t, q, None, None)?; // for the rows and the scales
         self.base.r.position(t, q)?;
@@ -325,7 +325,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Given<'s, S> {
     }
 }
 
-impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Given<'s, S> {
+impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for MappedTangent<'s, S> {
     /// Always by the least displacement: there are no coordinates that could be left unchanged.
     fn correction(&mut self, t: f64, q: &[f64], _rule: Correction, dv: &mut [f64]) -> Result<bool> {
         dv.copy_from_slice(&orthogonal_step(&mut self.base.r, t, q)?);

@@ -4,7 +4,7 @@
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{Equations, UserSystem};
-use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::formulation::{Formulation, Step, StepDecision};
 use partita_system::options::TangentMap;
 use partita_system::record::{Output, Sample};
 use partita_system::reduction::Reduction;
@@ -190,13 +190,13 @@ pub fn tangent<S: partita_system::ConstrainedSystem>(r: &Reduction<S>) -> Matrix
 
 /// D, γ and δ written out.
 #[derive(Clone)]
-pub struct Given {
+pub struct GivenTangent {
     pub dt: Vec<f64>,
     pub gamma: Vec<f64>,
     pub delta: Vec<f64>,
 }
 
-impl TangentMap for Given {
+impl TangentMap for GivenTangent {
     fn tangent(&self, _: f64, _: &[f64], dt: &mut [f64]) -> Result<(), SystemError> {
         dt.copy_from_slice(&self.dt);
         Ok(())
@@ -212,7 +212,7 @@ impl TangentMap for Given {
 }
 
 /// Carry out a verdict where steps are fixed; true if y was rewritten.
-pub fn commit<F: Formulation>(f: &mut F, verdict: Verdict, t: f64, y: &mut [f64], dy: &mut [f64]) -> bool {
+pub fn commit<F: Formulation>(f: &mut F, verdict: StepDecision, t: f64, y: &mut [f64], dy: &mut [f64]) -> bool {
     let mut turns = vec![0; y.len()];
     f.commit(verdict, &mut Step { t, y, dy, turns: &mut turns, pace: None, located: None }).unwrap()
 }

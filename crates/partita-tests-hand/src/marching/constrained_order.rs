@@ -4,7 +4,7 @@
 use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::{Formulation, PrescribedRows, Step, Verdict};
+use partita_system::formulation::{Formulation, PrescribedRows, Step, StepDecision};
 use partita_system::formulation::{FormulationSteps, SingularSteps};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
@@ -201,13 +201,13 @@ impl<E: Equations> FormulationSteps for Watched<'_, E> {
         y: &mut [f64],
         dy: &mut [f64],
         known: bool,
-    ) -> Result<(Verdict, bool), SystemError> {
+    ) -> Result<(StepDecision, bool), SystemError> {
         self.steps += 1;
         let (verdict, evaluated) = self.inner.trial_end(t, y, dy, known)?;
-        Ok((if self.force.is_some() { Verdict::Change } else { verdict }, evaluated))
+        Ok((if self.force.is_some() { StepDecision::Change } else { verdict }, evaluated))
     }
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool, SystemError> {
-        if verdict != Verdict::Change {
+    fn commit(&mut self, verdict: StepDecision, step: &mut Step) -> Result<bool, SystemError> {
+        if verdict != StepDecision::Change {
             return self.inner.commit(verdict, step);
         }
         let Step { t, y, dy, turns, pace, located } = step;
@@ -221,7 +221,7 @@ impl<E: Equations> FormulationSteps for Watched<'_, E> {
             }
             Some(least) => {
                 self.inner.commit(
-                    Verdict::Keep,
+                    StepDecision::Keep,
                     &mut Step { t, y, dy, turns, pace: pace.as_deref_mut(), located: *located },
                 )?;
                 let r = self.inner.reduction();

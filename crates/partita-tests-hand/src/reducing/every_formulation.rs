@@ -1,6 +1,6 @@
 //! Every formulation of the registry on the same systems: one set of accelerations, one set of constraint forces.
 
-use crate::instants::{sample, vector, Given, Instant};
+use crate::instants::{sample, vector, GivenTangent, Instant};
 use crate::user_system::{any, Angles, FourBar, Pendulum, Plate, Redundant};
 use partita_math::dense::{self, Matrix};
 use partita_math::elimination::Pattern;
@@ -57,7 +57,7 @@ fn tangent_at<E: Equations>(system: &UserSystem<E>, t: f64, q: &[f64], v: &[f64]
     start::choose_partition(&mut r, t, q, None, None).unwrap();
     let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
     r.evaluate(t, q, &speeds).unwrap();
-    Arc::new(Given { dt: mixed(&r.dt, r.partition.independent.len()), gamma: r.gamma, delta: r.delta })
+    Arc::new(GivenTangent { dt: mixed(&r.dt, r.partition.independent.len()), gamma: r.gamma, delta: r.delta })
 }
 
 /// Directions that are no partition's: each a combination of all, the same ones at all times, so that what is left of

@@ -13,7 +13,7 @@ const TOLERANCE: f64 = 1e-9;
 
 /// What the library finds at one instant with its own choice of coordinates.
 #[derive(Debug)]
-struct Found {
+struct OwnChoice {
     independent: Vec<usize>,
     quality: Quality,
     rho: Vec<f64>,
@@ -23,7 +23,7 @@ struct Found {
 }
 
 /// Choose, then evaluate with the given full velocities (those of them that are independent).
-fn find(system: &Instant, v: &[f64]) -> Found {
+fn find(system: &Instant, v: &[f64]) -> OwnChoice {
     let system = system.clone().user_system();
     let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
     let q = vec![0.0; n];
@@ -36,7 +36,7 @@ fn find(system: &Instant, v: &[f64]) -> Found {
     r.full_acceleration(&mut vdot);
     r.multipliers(0.0, &q, &vdot, &mut lambda).unwrap();
     let quality = r.quality(0.0, &q).unwrap();
-    Found { independent: r.partition.independent.clone(), quality, rho, vdot, v: r.v.clone(), lambda }
+    OwnChoice { independent: r.partition.independent.clone(), quality, rho, vdot, v: r.v.clone(), lambda }
 }
 
 fn random(rng: &mut fastrand::Rng) -> Instant {
@@ -56,7 +56,7 @@ fn same(x: &[f64], y: impl IntoIterator<Item = f64>, s: &[f64]) {
 }
 
 #[track_caller]
-fn same_quality(x: &Found, y: &Found, order: &[usize]) {
+fn same_quality(x: &OwnChoice, y: &OwnChoice, order: &[usize]) {
     assert!((x.quality.sigma - y.quality.sigma).abs() < TOLERANCE, "{x:?} {y:?}");
     assert!((x.quality.sqrt_mu - y.quality.sqrt_mu).abs() < TOLERANCE, "{x:?} {y:?}");
     for (new, &old) in order.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! The general selector (36) on random systems in random units: its identities, and that every rule for S gives the motion that
 //! the equations with multipliers give.
 
-use crate::instants::{between, commit, inverse, sample, vector, Given, Instant};
+use crate::instants::{between, commit, inverse, sample, vector, GivenTangent, Instant};
 use partita_math::dense::{self, Matrix};
 use partita_math::factor::{self, FactorError};
 use partita_system::equations::UserSystem;
@@ -9,7 +9,7 @@ use partita_system::formulation::motion::TangentVelocities;
 use partita_system::formulation::motion::UserTangent;
 use partita_system::formulation::registry::by_name;
 use partita_system::formulation::FormulationSteps;
-use partita_system::formulation::{Formulation, Verdict};
+use partita_system::formulation::{Formulation, StepDecision};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Correction;
 use partita_system::reduction::Reduction;
@@ -205,7 +205,7 @@ fn renewing_keeps_the_motion() {
             f.start(0.0, q, v, &mut y).unwrap();
             let before = sample(&mut f, 0.0, &y);
             f.derivative(0.0, &y, &mut dy).unwrap();
-            commit(&mut f, Verdict::Change, 0.0, &mut y, &mut dy);
+            commit(&mut f, StepDecision::Change, 0.0, &mut y, &mut dy);
             let after = sample(&mut f, 0.0, &y);
             assert_eq!(f.history().events.len(), 2);
             assert!(f.history().events[1].reason.contains("renewed"), "{}", f.history().events[1].reason);
@@ -479,7 +479,7 @@ fn a_basis_that_cannot_be_renewed_stays() {
         f.start(0.0, q, v, &mut y).unwrap();
         f.derivative(0.0, &y, &mut dy).unwrap();
         let (before, slope) = (y.clone(), dy.clone());
-        commit(&mut f, Verdict::Change, 0.0, &mut y, &mut dy);
+        commit(&mut f, StepDecision::Change, 0.0, &mut y, &mut dy);
         assert_eq!((&y, &dy), (&before, &slope));
         f.derivative(0.0, &y, &mut dy).unwrap();
         assert_eq!(dy, slope);
@@ -507,9 +507,9 @@ fn tangent_velocities_of_the_user() {
             (0..k).for_each(|j| dt[(i, j)] *= r.scales()[r.partition.independent[j]]);
         }
         let dt = dt.matmul(&mix).into_vec();
-        let good = Given { dt, gamma: r.gamma.clone(), delta: r.delta.clone() };
+        let good = GivenTangent { dt, gamma: r.gamma.clone(), delta: r.delta.clone() };
         let scales = r.scales().to_vec();
-        let start = |map: &Given, v: &[f64]| {
+        let start = |map: &GivenTangent, v: &[f64]| {
             let options = FormulationOptions { tangent: Some(Arc::new(map.clone())), ..uncorrected() };
             let mut f = UserTangent::new(system, m, &options).unwrap();
             let mut y = vec![0.0; f.dim()];

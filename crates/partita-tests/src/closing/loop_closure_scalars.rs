@@ -24,7 +24,7 @@ const HEALTHY: f64 = 0.1;
 
 fn closed_over<S: Scalar>(c: &LoopClosing, e: &Evaluator<S>, t: S, q: &[S]) -> (Vec<S>, S) {
     let mut q = q.to_vec();
-    let excess = c.close_over(e, t, &mut q, &mut c.room_over(e)).unwrap();
+    let excess = c.close_over(e, t, &mut q, &mut c.scratch_over(e)).unwrap();
     (q, excess)
 }
 
@@ -108,8 +108,8 @@ fn derivatives_by_lengths() {
         // lengths recovered with their own round-off may miss a redundant condition by as much
         assert!(excess.re <= 0.0);
         let (size, mut s) = (model.size(), dual.scratch());
-        let room = |n: usize| vec![Dual::zero(); n];
-        let (mut phi, mut c, mut a) = (room(size.rows), room(model.pattern().nnz()), room(size.rows));
+        let memory = |n: usize| vec![Dual::zero(); n];
+        let (mut phi, mut c, mut a) = (memory(size.rows), memory(model.pattern().nnz()), memory(size.rows));
         dual.position(t, &found, &mut s, &mut phi, &mut c, &mut a).unwrap();
         let most = found.iter().fold(1.0, |m: f64, x| m.max(x.eps[0].abs()));
         for x in phi {
@@ -185,8 +185,8 @@ fn a_closing_belongs_to_its_model() {
     on_random_mechanisms(88, 2, KINDS[1], |_, model, m| {
         let closing = model.loop_closing(m.t, &m.q, None).unwrap();
         let other = model.with_parameters(&[]).unwrap();
-        let mut room = closing.room_over(&other);
-        let refused = closing.close_over(&other, m.t, &mut m.q.clone(), &mut room).unwrap_err();
+        let mut memory = closing.scratch_over(&other);
+        let refused = closing.close_over(&other, m.t, &mut m.q.clone(), &mut memory).unwrap_err();
         assert!(refused.to_string().contains("different models"));
     });
 }

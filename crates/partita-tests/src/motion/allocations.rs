@@ -12,7 +12,7 @@ use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry;
 use partita_system::formulation::FormulationSteps;
-use partita_system::formulation::{Formulation, Step, Verdict};
+use partita_system::formulation::{Formulation, Step, StepDecision};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::start;
@@ -135,7 +135,7 @@ fn count(model: &Model, what: &str) {
             f.trial_end(1e-3 * f64::from(i), &mut y, &mut dy, true).unwrap();
             let mut step =
                 Step { t: 1e-3 * f64::from(i), y: &mut y, dy: &mut dy, turns: &mut turns, pace: None, located: None };
-            f.commit(Verdict::Keep, &mut step).unwrap();
+            f.commit(StepDecision::Keep, &mut step).unwrap();
         }
     });
     assert_eq!(counted, 0, "{what}: {} allocations", counted);
@@ -261,7 +261,7 @@ fn count_moving(name: &str, model: &Model, m: &Moment, what: &str) {
                 f.trial_end(m.t + h, &mut y, &mut dy, true).unwrap();
                 let mut step =
                     Step { t: m.t + h, y: &mut y, dy: &mut dy, turns: &mut turns, pace: None, located: None };
-                f.commit(Verdict::Keep, &mut step).unwrap();
+                f.commit(StepDecision::Keep, &mut step).unwrap();
             }
         }
     };

@@ -21,14 +21,14 @@ use partita_system::start;
 use std::ops::ControlFlow;
 
 /// What the uprights and couplers do at the outputs: largest error of all coordinates against the parallelograms.
-struct Seen {
+struct PathError {
     outcome: Outcome,
     error: f64,
     closure: f64,
     notes: Vec<String>,
 }
 
-fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], exact: &[f64]) -> Seen {
+fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], exact: &[f64]) -> PathError {
     let q = model.initial();
     let rank = start::analyse(model, 0.0, &q).unwrap().rank;
     let upright = (0..model.size().nv).find(|&i| model.velocity_name(i) == "P0").unwrap();
@@ -61,7 +61,7 @@ fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], ex
         &mut |_| ControlFlow::Continue(()),
     )
     .unwrap();
-    Seen { outcome, error, closure, notes: f.history().notes }
+    PathError { outcome, error, closure, notes: f.history().notes }
 }
 
 /// Ten crossings in ten seconds; steps meet them at all distances. The outputs lie everywhere, next to crossings as

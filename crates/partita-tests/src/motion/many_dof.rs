@@ -33,7 +33,7 @@ fn least_singular_value(r: &Reduction<Model>, model: &Model) -> f64 {
 }
 
 /// Everything that depends on the way, at one state with the independent velocities given.
-struct Seen {
+struct StateQuantities {
     v: Vec<f64>,
     vdot: Vec<f64>,
     lambda: Vec<f64>,
@@ -42,7 +42,7 @@ struct Seen {
     quality: [f64; 2],
 }
 
-fn seen(r: &mut Reduction<Model>, m: &Moment, independent: &[usize]) -> Seen {
+fn seen(r: &mut Reduction<Model>, m: &Moment, independent: &[usize]) -> StateQuantities {
     r.position(m.t, &m.q).unwrap();
     r.refresh_scales(m.t, &m.q).unwrap();
     r.set_partition(m.t, independent).unwrap();
@@ -54,7 +54,13 @@ fn seen(r: &mut Reduction<Model>, m: &Moment, independent: &[usize]) -> Seen {
     r.multipliers(m.t, &m.q, &vdot, &mut lambda).unwrap();
     r.measure(m.t, &m.q, &mut rho).unwrap();
     let q = r.quality(m.t, &m.q).unwrap();
-    Seen { v: r.v.clone(), vdot, lambda, rho2: rho.iter().map(|x| x * x).collect(), quality: [q.sigma, q.sqrt_mu] }
+    StateQuantities {
+        v: r.v.clone(),
+        vdot,
+        lambda,
+        rho2: rho.iter().map(|x| x * x).collect(),
+        quality: [q.sigma, q.sqrt_mu],
+    }
 }
 
 fn agrees(model: &Model, m: &Moment, one_cluster: bool) {

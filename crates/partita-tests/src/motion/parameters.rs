@@ -14,9 +14,9 @@ const COUNT: usize = 25;
 fn everything<S: Scalar>(e: &Evaluator<S>, nnz: usize, rows: usize, m: &Moment) -> Vec<S> {
     let lift = |x: &[f64]| x.iter().map(|x| S::from_f64(*x)).collect::<Vec<S>>();
     let (t, q, v, nv) = (S::from_f64(m.t), lift(&m.q), lift(&m.v), m.v.len());
-    let room = |n: usize| vec![S::zero(); n];
-    let (mut s, mut phi, mut c, mut a, mut b) = (e.scratch(), room(rows), room(nnz), room(rows), room(rows));
-    let (mut mass, mut h) = (room(nv * nv), room(nv));
+    let memory = |n: usize| vec![S::zero(); n];
+    let (mut s, mut phi, mut c, mut a, mut b) = (e.scratch(), memory(rows), memory(nnz), memory(rows), memory(rows));
+    let (mut mass, mut h) = (memory(nv * nv), memory(nv));
     e.position(t, &q, &mut s, &mut phi, &mut c, &mut a).unwrap();
     e.velocity(t, &q, &v, &mut s, &mut b).unwrap();
     e.dynamics(t, &q, &v, &mut s, &mut mass, &mut h).unwrap();

@@ -130,11 +130,11 @@ fn check(pattern: &Pattern, values: &[f64], plan: &Plan, rng: &mut fastrand::Rng
         plan.solve_transposed(&work, y.data_mut(), nrhs);
         residual_is_small(&c.transpose(), &y, &b);
     }
-    let (mut room, mut found) = (SparseRoom::new(r), Vec::new());
+    let (mut memory, mut found) = (SparseScratch::new(r), Vec::new());
     for step in (0..r).step_by(1 + r / 7) {
         let (mut x, mut y) = (Matrix::new(r, 1), Matrix::new(r, 1));
         x[(step, 0)] = 0.5 + rng.f64();
-        plan.solve_transposed_sparse(&work, &[(step, x[(step, 0)])], &mut room, &mut found);
+        plan.solve_transposed_sparse(&work, &[(step, x[(step, 0)])], &mut memory, &mut found);
         found.iter().for_each(|&(k, value)| y[(k, 0)] = value);
         residual_is_small(&c.transpose(), &y, &x);
         plan.solve_transposed(&work, x.data_mut(), 1);

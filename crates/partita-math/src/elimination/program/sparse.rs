@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 
 /// Memory of [`Plan::solve_transposed_sparse`](crate::elimination::Plan::solve_transposed_sparse), reused.
 #[derive(Clone, Debug, Default)]
-pub struct SparseRoom {
+pub struct SparseScratch {
     /// Value of each unknown, and the sum of the magnitudes of its terms; zero between two solutions.
     value: Vec<f64>,
     magnitude: Vec<f64>,
@@ -17,7 +17,7 @@ pub struct SparseRoom {
     met: Vec<usize>,
 }
 
-impl SparseRoom {
+impl SparseScratch {
     /// Memory for a plan of this rank.
     pub fn new(rank: usize) -> Self {
         Self {
@@ -60,49 +60,49 @@ impl Program {
         &self,
         work: &[f64],
         b: &[(usize, f64)],
-        room: &mut SparseRoom,
+        memory: &mut SparseScratch,
         found: &mut Vec<(usize, f64)>,
     ) {
         for &(k, x) in b {
-            room.add(k, x, -(k as i64));
+            memory.add(k, x, -(k as i64));
         }
-        while let Some(turn) = room.open.pop() {
+        while let Some(turn) = memory.open.pop() {
             let k = -turn as usize;
-            let x = room.settled(k);
+            let x = memory.settled(k);
             if x == 0.0 {
                 continue;
             }
             let line = self.lines[k];
             for p in line.diagonal as usize + 1..line.end as usize {
                 let j = self.columns[p] as usize;
-                room.add(j, -work[p] * x, -(j as i64));
+                memory.add(j, -work[p] * x, -(j as i64));
             }
         }
-        for i in 0..room.met.len() {
-            let k = room.met[i];
-            room.waits[k] = true;
-            room.open.push(k as i64);
+        for i in 0..memory.met.len() {
+            let k = memory.met[i];
+            memory.waits[k] = true;
+            memory.open.push(k as i64);
         }
-        while let Some(turn) = room.open.pop() {
+        while let Some(turn) = memory.open.pop() {
             let k = turn as usize;
             let line = self.lines[k];
             let reciprocal = work[line.diagonal as usize];
-            let x = room.settled(k) * reciprocal;
-            room.value[k] = x;
+            let x = memory.settled(k) * reciprocal;
+            memory.value[k] = x;
             if x == 0.0 {
                 continue;
             }
             for p in line.start as usize..line.diagonal as usize {
                 let j = self.columns[p] as usize;
-                room.add(j, -work[p] * x, j as i64);
+                memory.add(j, -work[p] * x, j as i64);
             }
         }
         found.clear();
-        for k in room.met.drain(..) {
-            if room.value[k] != 0.0 {
-                found.push((k, room.value[k]));
+        for k in memory.met.drain(..) {
+            if memory.value[k] != 0.0 {
+                found.push((k, memory.value[k]));
             }
-            (room.value[k], room.magnitude[k]) = (0.0, 0.0);
+            (memory.value[k], memory.magnitude[k]) = (0.0, 0.0);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Effort by a curve over a measurement: gas force over crank angle.
 
-use super::{Asked, Response, ScalarLaw};
+use super::{EffortArguments, Response, ScalarLaw};
 use crate::spec::Table;
 use crate::value::{self, Abscissa};
 use partita_math::scalar::Scalar;
@@ -18,7 +18,7 @@ pub struct Curve {
 }
 
 impl<S: Scalar> ScalarLaw<S> for Curve {
-    fn respond(&self, asked: &Asked<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+    fn respond(&self, asked: &EffortArguments<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         let abscissa = if self.periodic { Abscissa::Periodic } else { Abscissa::Known };
         let [effort, _, _] = value::curve_at(&self.curve, abscissa, asked.x, asked.name)?;
         Ok(Response { effort, potential: S::zero(), power: effort * asked.rate })

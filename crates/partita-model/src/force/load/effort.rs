@@ -1,6 +1,6 @@
 //! An effort that is a number, a table in time or a function.
 
-use super::{Asked, Response, ScalarLaw};
+use super::{EffortArguments, Response, ScalarLaw};
 use crate::value::Source;
 use partita_math::scalar::Scalar;
 use partita_system::SystemError;
@@ -16,7 +16,7 @@ pub struct Effort<S> {
 
 impl<S: Scalar> ScalarLaw<S> for Effort<S> {
     #[inline(always)]
-    fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+    fn respond(&self, asked: &EffortArguments<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         let effort = self.value.at(asked.instant, asked.name, plain)?;
         let (potential, power) = match (self.in_state, &self.value) {
             (true, Source::Constant(_)) => (-(effort * asked.x), S::zero()),

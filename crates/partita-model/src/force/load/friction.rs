@@ -1,6 +1,6 @@
 //! Friction.
 
-use super::{Asked, Response, ScalarLaw};
+use super::{EffortArguments, Response, ScalarLaw};
 use crate::force::resistance::Slide;
 use crate::numbers::DescribedForce;
 use crate::spec;
@@ -72,7 +72,7 @@ impl<S: Scalar> Friction<S> {
 }
 
 impl<S: Scalar> ScalarLaw<S> for Friction<S> {
-    fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+    fn respond(&self, asked: &EffortArguments<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         let (dynamic, held) = match &self.follows {
             Some(bearing) => {
                 // zero before it is found

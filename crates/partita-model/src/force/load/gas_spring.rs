@@ -1,6 +1,6 @@
 //! A gas spring: a closed column of gas that changes its state polytropically.
 
-use super::{Asked, Response, ScalarLaw};
+use super::{EffortArguments, Response, ScalarLaw};
 use crate::numbers::DescribedForce;
 use crate::spec;
 use partita_math::scalar::Scalar;
@@ -27,7 +27,7 @@ impl<S: Scalar> GasSpring<S> {
 }
 
 impl<S: Scalar> ScalarLaw<S> for GasSpring<S> {
-    fn respond(&self, asked: &Asked<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+    fn respond(&self, asked: &EffortArguments<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         // an empty column would need an infinite effort, and no step reaches it
         let column = (S::one() + asked.x / self.length).max(S::zero());
         let effort = self.force / column.power(self.exponent);

@@ -21,7 +21,7 @@ pub use spring_damper::SpringDamper;
 pub use stop::Stop;
 
 use super::build::Maker;
-use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication, Room};
+use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication, ForceScratch};
 use crate::error::DescriptionError;
 use crate::measurement::{Measurement, Quantity, Read};
 use crate::numbers::DescribedForce;
@@ -33,7 +33,7 @@ use partita_system::SystemError;
 use std::f64::consts::{PI, TAU};
 
 /// Arguments of an effort.
-pub(crate) struct Asked<'a, S> {
+pub(crate) struct EffortArguments<'a, S> {
     /// Name of the load, for messages.
     pub name: &'a str,
     /// Value of its argument.
@@ -60,7 +60,7 @@ pub(crate) struct Response<S> {
 /// One effort: the contract of a law.
 pub(crate) trait ScalarLaw<S: Scalar> {
     /// The effort and its energies. `plain` is memory for arguments of functions known in `f64` alone.
-    fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError>;
+    fn respond(&self, asked: &EffortArguments<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError>;
     /// Whether it does non-conservative work.
     fn is_dissipative(&self) -> bool {
         true
@@ -137,7 +137,7 @@ impl<S: Scalar> LoadLaw<S> {
 
     /// The frequent laws, stored inline.
     #[inline(always)]
-    fn respond(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+    fn respond(&self, asked: &EffortArguments<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         match self {
             Self::SpringDamper(x) => x.respond(asked, plain),
             Self::Effort(x) => x.respond(asked, plain),
@@ -146,7 +146,7 @@ impl<S: Scalar> LoadLaw<S> {
     }
 
     #[inline(never)]
-    fn respond_rarely(&self, asked: &Asked<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+    fn respond_rarely(&self, asked: &EffortArguments<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         self.as_law().respond(asked, plain)
     }
 }
@@ -208,18 +208,19 @@ impl<G: Space> Load<G> {
 
     /// Along a coordinate of the tree that is also its only argument, nothing needs to be evaluated.
     #[inline(always)]
-    pub(crate) fn wrench(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+    pub(crate) fn wrench(&self, at: &At<G>, memory: &mut ForceScratch<G>) -> Result<Effect<G>, SystemError> {
         match (&self.along.quantity, &self.over) {
             (&Quantity::Coordinate { q, v }, None) => {
-                let Response { effort, potential, power } = self.respond(at, at.instant.q[q], at.instant.v[v], room)?;
+                let Response { effort, potential, power } =
+                    self.respond(at, at.instant.q[q], at.instant.v[v], memory)?;
                 Ok(Effect { application: ForceApplication::Along(v, effort), potential, power })
             }
-            _ => self.look(at, room),
+            _ => self.look(at, memory),
         }
     }
 
     #[inline(never)]
-    fn look(&self, at: &At<G>, room: &mut Room<G>) -> Result<Effect<G>, SystemError> {
+    fn look(&self, at: &At<G>, memory: &mut ForceScratch<G>) -> Result<Effect<G>, SystemError> {
         let read = self.read(at);
         let x = match &self.over {
             None => read.value,
@@ -229,14 +230,20 @@ impl<G: Space> Load<G> {
             None => x,
             Some((middle, within)) => self.nearest(x, middle, within)?,
         };
-        let Response { effort, potential, power } = self.respond(at, x, read.rate, room)?;
+        let Response { effort, potential, power } = self.respond(at, x, read.rate, memory)?;
         Ok(Effect { application: self.application(at, &read, effort), potential, power })
     }
 
     #[inline(always)]
-    fn respond(&self, at: &At<G>, x: G::S, rate: G::S, room: &mut Room<G>) -> Result<Response<G::S>, SystemError> {
-        let Room { normal_forces, plain, .. } = room;
-        self.law.respond(&Asked { name: &self.name, x, rate, instant: &at.instant, normal_forces }, plain)
+    fn respond(
+        &self,
+        at: &At<G>,
+        x: G::S,
+        rate: G::S,
+        memory: &mut ForceScratch<G>,
+    ) -> Result<Response<G::S>, SystemError> {
+        let ForceScratch { normal_forces, plain, .. } = memory;
+        self.law.respond(&EffortArguments { name: &self.name, x, rate, instant: &at.instant, normal_forces }, plain)
     }
 
     /// The value of an angle closest to the middle; refused so far from it that it could differ by a full turn.

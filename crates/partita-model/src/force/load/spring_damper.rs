@@ -1,6 +1,6 @@
 //! Spring and damper.
 
-use super::{Asked, Response, ScalarLaw};
+use super::{EffortArguments, Response, ScalarLaw};
 use crate::force::stored;
 use crate::numbers::DescribedForce;
 use partita_math::scalar::Scalar;
@@ -28,7 +28,7 @@ impl<S: Scalar> SpringDamper<S> {
 
 impl<S: Scalar> ScalarLaw<S> for SpringDamper<S> {
     #[inline(always)]
-    fn respond(&self, asked: &Asked<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+    fn respond(&self, asked: &EffortArguments<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         let (stretch, speed) = (asked.x - self.free, asked.rate);
         Ok(Response {
             effort: -(self.stiffness * stretch + self.damping * speed),

@@ -1,6 +1,6 @@
 //! Compliant ends.
 
-use super::{Asked, Response, ScalarLaw};
+use super::{EffortArguments, Response, ScalarLaw};
 use crate::force::resistance::Buffer;
 use crate::numbers::DescribedForce;
 use crate::spec;
@@ -38,7 +38,7 @@ impl<S: Scalar> Stop<S> {
 }
 
 impl<S: Scalar> ScalarLaw<S> for Stop<S> {
-    fn respond(&self, asked: &Asked<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
+    fn respond(&self, asked: &EffortArguments<S>, _: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         let (mut effort, mut potential, mut power) = (S::zero(), S::zero(), S::zero());
         if let Some(lower) = self.lower {
             let x = self.buffer.pressed(lower - asked.x, -asked.rate);

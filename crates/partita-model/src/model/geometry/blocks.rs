@@ -304,9 +304,9 @@ fn taken_apart(nodes: usize, lines: &[[usize; 2]]) -> Taken {
 mod tests {
     use super::*;
 
-    type Seen = (Vec<usize>, Option<usize>);
+    type PartLines = (Vec<usize>, Option<usize>);
 
-    fn parts(nodes: usize, lines: &[[usize; 2]]) -> (Vec<Seen>, usize) {
+    fn parts(nodes: usize, lines: &[[usize; 2]]) -> (Vec<PartLines>, usize) {
         let taken = taken_apart(nodes, lines);
         let mut parts: Vec<_> = taken.parts.into_iter().map(|x| (x.lines, x.from)).collect();
         parts.sort();

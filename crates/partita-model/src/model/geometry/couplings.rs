@@ -5,7 +5,7 @@
 //! wheel, a contact or a rod adds to it must not make its geometric error a condition.                        (11.9, 9)
 
 use super::change::{largest, OWN};
-use super::{by_blocks, closed, coarsest, Decided, Drawing, Verdict, Wanted};
+use super::{by_blocks, closed, coarsest, BlockDecision, Decided, Drawing, Wanted};
 use crate::model::Model;
 use crate::spec::{Coupling, Joint, Spec};
 use crate::value::Functions;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 
 /// The decision about one block.
 pub(super) fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, wanted: Wanted) -> Decided {
-    let undecided = || Decided::plain(Verdict::Undecided, None);
+    let undecided = || Decided::plain(BlockDecision::Undecided, None);
     let Some(drawing) = Drawing::new(spec.clone(), functions.clone(), None, true) else { return undecided() };
     if let Some(decided) = drawing.settled(drawing.afloat(floats), wanted.0) {
         return decided;
@@ -36,7 +36,7 @@ pub(super) fn judged(spec: &Spec, functions: Arc<dyn Functions>, floats: bool, w
 /// One block. Where it has couplings, what is without them is decided first, and repaired once: then it is another
 /// drawing.
 fn in_stages(spec: &Spec, of: (Arc<dyn Functions>, bool), wanted: Wanted, repair: bool) -> Decided {
-    let undecided = || Decided::plain(Verdict::Undecided, None);
+    let undecided = || Decided::plain(BlockDecision::Undecided, None);
     let Some(drawing) = Drawing::new(spec.clone(), of.0.clone(), None, true) else { return undecided() };
     let own = drawing.afloat(of.1);
     if let Some(decided) = drawing.settled(own, wanted.0) {
@@ -83,7 +83,7 @@ impl Drawing {
             repaired: None,
         };
         let (mut numbers, mut joints) = (vec![0.0; OWN * model.spec.joints.len()], model.spec.joints.clone());
-        for (block, decided) in blocks.iter().filter(|x| x.1.verdict == Verdict::Repaired) {
+        for (block, decided) in blocks.iter().filter(|x| x.1.verdict == BlockDecision::Repaired) {
             for (k, &j) in block.joints.iter().enumerate() {
                 decided.apply(k, &block.spec.joints[k], &mut joints[j]);
                 let Some(change) = decided.numbers.get(k * OWN..(k + 1) * OWN) else { continue };
@@ -118,7 +118,7 @@ impl Drawing {
         if !clear || kept.len() != rank + added {
             return Ok(None);
         }
-        let verdict = if kept.len() == size.rows { Verdict::Regular } else { Verdict::Redundant };
+        let verdict = if kept.len() == size.rows { BlockDecision::Regular } else { BlockDecision::Redundant };
         Ok(Some(Decided::with(verdict, (size.nv - kept.len()).saturating_sub(own), &kept)))
     }
 }

@@ -39,7 +39,7 @@ pub(super) struct Fit {
 }
 
 /// Null directions of a drawing at the finest and the coarsest level.
-pub(super) struct Seen {
+pub(super) struct NullDirections {
     pub(super) fine: usize,
     pub(super) coarse: usize,
     /// Degrees of freedom where all conditions are independent: then the drawing moves without repair.
@@ -54,7 +54,7 @@ impl Drawing {
         &self,
         own: usize,
         (tolerance, pose): Wanted,
-    ) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
+    ) -> Result<Option<(Option<Fit>, NullDirections)>, SystemError> {
         let near = Cut::Level(coarsest(tolerance));
         let mut home = self.model.initial();
         let closed = Kernel::new(&self.model, 0.0).close(&mut home, near)?;
@@ -95,7 +95,7 @@ impl Drawing {
         home: Vec<f64>,
         afloat: usize,
         tolerance: f64,
-    ) -> Result<Option<(Option<Fit>, Seen)>, SystemError> {
+    ) -> Result<Option<(Option<Fit>, NullDirections)>, SystemError> {
         let coarsest = coarsest(tolerance);
         let mut kernel = Kernel::new(&self.model, 0.0);
         let n = self.model.size().nv;
@@ -103,7 +103,8 @@ impl Drawing {
         let null = |level: f64| n - Cut::Level(level).count(&values);
         let counted = n.saturating_sub(kernel.rows.len());
         let fine = null(tolerance::NULL_VALUE);
-        let seen = Seen { fine, coarse: null(coarsest), regular: (fine == counted).then_some(counted), afloat };
+        let seen =
+            NullDirections { fine, coarse: null(coarsest), regular: (fine == counted).then_some(counted), afloat };
         if seen.coarse == 0 || seen.coarse == counted {
             let fit = Fit {
                 dof: seen.coarse,
@@ -146,7 +147,12 @@ impl Drawing {
     }
 
     /// The drawing at this level: a motion, and the change by which it fits. None where there is none.
-    fn at_level(&self, home: &[f64], level: f64, (tolerance, seen): (f64, &Seen)) -> Result<Option<Fit>, SystemError> {
+    fn at_level(
+        &self,
+        home: &[f64],
+        level: f64,
+        (tolerance, seen): (f64, &NullDirections),
+    ) -> Result<Option<Fit>, SystemError> {
         if self.is_abandoned() {
             return Ok(None);
         }
@@ -235,7 +241,7 @@ impl Drawing {
         kernel: &mut Kernel<Model>,
         (branch, closure_error): (&Branch, f64),
         tolerance: f64,
-        seen: &Seen,
+        seen: &NullDirections,
     ) -> Result<Option<usize>, SystemError> {
         let within = closure_error <= LARGEST_CHANGE * tolerance;
         // independent conditions that leave a motion are accepted, however weak

@@ -47,7 +47,7 @@ const DENSE: usize = 150;
 const LARGEST_CHANGE: f64 = 2.0;
 /// Decision about one block of loops.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Verdict {
+pub enum BlockDecision {
     /// All loop closures are independent.
     Regular,
     /// Loop closures are redundant at every position.
@@ -75,7 +75,7 @@ pub struct BlockVerdict {
     /// Its joints, by their numbers in the description.
     pub joints: Vec<usize>,
     /// The decision.
-    pub verdict: Verdict,
+    pub verdict: BlockDecision,
     /// Degrees of freedom over a finite motion, without those of a floating block as a whole.
     pub dof: Option<usize>,
     /// Null directions of the closings at generic positions.
@@ -110,18 +110,18 @@ pub struct Geometry {
 impl Geometry {
     /// The largest change of a joint frame (rad, fractions of lengths); 0 where nothing was repaired.
     pub fn geometric_error(&self) -> f64 {
-        let repaired = self.blocks.iter().filter(|x| x.verdict == Verdict::Repaired);
+        let repaired = self.blocks.iter().filter(|x| x.verdict == BlockDecision::Repaired);
         repaired.flat_map(|x| &x.changed).fold(0.0, |m: f64, x| m.max(*x))
     }
 
     /// Whether the drawn position is singular.
     fn is_singular(&self) -> bool {
-        self.blocks.iter().any(|x| matches!(x.verdict, Verdict::SingularHere | Verdict::Shaky))
+        self.blocks.iter().any(|x| matches!(x.verdict, BlockDecision::SingularHere | BlockDecision::Shaky))
     }
 
     /// What was repaired, in a sentence.
     pub fn words(&self, spec: &Spec) -> Option<String> {
-        let repaired = || self.blocks.iter().filter(|x| x.verdict == Verdict::Repaired);
+        let repaired = || self.blocks.iter().filter(|x| x.verdict == BlockDecision::Repaired);
         let of = |x: &BlockVerdict| {
             let most = x.changed.iter().zip(&x.joints).max_by(|a, b| a.0.total_cmp(b.0));
             most.map(|(by, joint)| (*by, *joint))
@@ -181,7 +181,7 @@ pub(super) fn decide(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joi
     if undecided {
         let (dof, weak) = counted(model, tolerance);
         // of large blocks no motion was tried
-        let large = found.blocks.iter().any(|x| x.verdict == Verdict::Undecided && !is_sought(x.joints.len()));
+        let large = found.blocks.iter().any(|x| x.verdict == BlockDecision::Undecided && !is_sought(x.joints.len()));
         found.ambiguous = weak.filter(|_| large);
         found.dof = dof.filter(|_| found.ambiguous.is_none());
     }
@@ -232,18 +232,18 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
     let mut joints: Option<Vec<Joint>> = None;
     for (block, decided) in blocks {
         let verdict = &decided.verdict;
-        if *verdict == Verdict::Shaky {
+        if *verdict == BlockDecision::Shaky {
             found.instantaneous += decided.kernel.unwrap_or(0).saturating_sub(decided.dof.unwrap_or(0));
         }
         found.ambiguous = found.ambiguous.or(decided.ambiguous.clone());
         found.weak |= decided.weak;
-        if *verdict == Verdict::Repaired {
+        if *verdict == BlockDecision::Repaired {
             let all = joints.get_or_insert_with(|| spec.joints.clone());
             for (k, &j) in block.joints.iter().enumerate() {
                 decided.apply(k, &block.spec.joints[k], &mut all[j]);
             }
         }
-        if !matches!(verdict, Verdict::Regular | Verdict::Redundant) {
+        if !matches!(verdict, BlockDecision::Regular | BlockDecision::Redundant) {
             let moved = (decided.most(0) * decided.length, decided.most(3));
             let changed = decided.numbers.chunks(OWN).map(largest).collect();
             let (dof, kernel, verdict, length) = (decided.dof, decided.kernel, decided.verdict, decided.length);
@@ -251,7 +251,7 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
         }
     }
     let singular = found.is_singular();
-    let conditions = found.blocks.iter().any(|x| x.verdict == Verdict::Conditions);
+    let conditions = found.blocks.iter().any(|x| x.verdict == BlockDecision::Conditions);
     // repaired conditions are weak in the drawing alone, unless they are weak along the motion too
     let asked = !singular && (joints.is_none() || found.weak);
     found.weak = asked && (conditions || found.weak);
@@ -343,7 +343,7 @@ fn weakest_of(model: &Model, q: Option<&[f64]>, dof: Option<usize>) -> f64 {
 /// The decision about a block, in a form that also applies to an equal one.
 #[derive(Clone)]
 struct Decided {
-    verdict: Verdict,
+    verdict: BlockDecision,
     dof: Option<usize>,
     kernel: Option<usize>,
     numbers: Vec<f64>,
@@ -357,20 +357,20 @@ struct Decided {
 }
 
 impl Decided {
-    fn plain(verdict: Verdict, dof: Option<usize>) -> Self {
+    fn plain(verdict: BlockDecision, dof: Option<usize>) -> Self {
         let (numbers, joints) = (Vec::new(), Vec::new());
         Self { verdict, dof, kernel: None, numbers, length: 1.0, joints, ambiguous: None, weak: false }
     }
 
     /// Decided by these rows and their pivots.
-    fn with(verdict: Verdict, dof: usize, kept: &[(usize, f64)]) -> Self {
+    fn with(verdict: BlockDecision, dof: usize, kept: &[(usize, f64)]) -> Self {
         let least = kept.iter().fold(1.0, |m: f64, x| m.min(x.1));
         Self { weak: least <= WEAK_CONDITION * WEAK_CONDITION, ..Self::plain(verdict, Some(dof)) }
     }
 
     /// A block of which this row remains open.
     fn ambiguous(of: &Model, row: usize) -> Self {
-        Self { ambiguous: Some(of.row_owner(row)), ..Self::plain(Verdict::Ambiguous, None) }
+        Self { ambiguous: Some(of.row_owner(row)), ..Self::plain(BlockDecision::Ambiguous, None) }
     }
 
     /// Add the change that first made the drawing `plane`: these numbers, in fractions of `length`.
@@ -382,8 +382,8 @@ impl Decided {
         let in_length = |i: usize| if i % (OWN / 2) < 3 { self.length / length } else { 1.0 };
         numbers.iter_mut().zip(&self.numbers).enumerate().for_each(|(i, (x, more))| *x += more * in_length(i));
         self.joints = drawn.joints.iter().cloned().zip(last).collect();
-        if self.verdict != Verdict::Shaky {
-            self.verdict = Verdict::Repaired;
+        if self.verdict != BlockDecision::Shaky {
+            self.verdict = BlockDecision::Repaired;
         }
         Self { numbers, length, kernel: self.kernel.or(self.dof), ..self }
     }
@@ -480,9 +480,9 @@ impl Drawing {
     fn settled(&self, own: usize, tolerance: f64) -> Option<Decided> {
         let level = coarsest(tolerance);
         match at(&self.model, closed(&self.model, level).as_deref(), level) {
-            Exact::Regular(k, _) => Some(Decided::plain(Verdict::Regular, Some(k.saturating_sub(own)))),
+            Exact::Regular(k, _) => Some(Decided::plain(BlockDecision::Regular, Some(k.saturating_sub(own)))),
             Exact::Redundant(k, _) if !alike::is_unlike(&self.model, tolerance) => {
-                Some(Decided::plain(Verdict::Redundant, Some(k.saturating_sub(own))))
+                Some(Decided::plain(BlockDecision::Redundant, Some(k.saturating_sub(own))))
             }
             _ => None,
         }
@@ -491,7 +491,7 @@ impl Drawing {
     /// Decision where neither pivots nor what is without couplings decide. Motions are tried of blocks that are not too
     /// large; those that are intended to be plane are made so whatever their size.
     fn whole(&self, own: usize, (tolerance, pose): Wanted) -> Decided {
-        let undecided = || Decided::plain(Verdict::Undecided, None);
+        let undecided = || Decided::plain(BlockDecision::Undecided, None);
         let is_sought = is_sought(self.model.spec.joints.len());
         if !self.is_holonomic() {
             let decided = is_sought.then(|| self.rates(own, tolerance).ok()).flatten();
@@ -504,7 +504,7 @@ impl Drawing {
             let by_pivots = || {
                 let (dof, weak) = if is_sought { (None, None) } else { counted(&plane.model, tolerance) };
                 let dof = dof.filter(|_| weak.is_none())?.saturating_sub(own);
-                Some(Decided::plain(Verdict::Redundant, Some(dof)))
+                Some(Decided::plain(BlockDecision::Redundant, Some(dof)))
             };
             let decided = plane.settled(own, tolerance).or_else(|| plane.with_equal_sides(own, tolerance));
             let decided = decided.or_else(|| moved(&plane, own)).or_else(by_pivots);
@@ -523,11 +523,11 @@ impl Drawing {
             Some(Fit { ambiguous: Some(row), .. }) => Some(Decided::ambiguous(&self.model, row)),
             Some(fit) => {
                 let verdict = match () {
-                    () if fit.dof < fit.kernel => Verdict::Shaky,
-                    () if fit.change.is_some() => Verdict::Repaired,
-                    () if fit.weak => Verdict::Conditions,
-                    () if seen.coarse > fit.kernel => Verdict::SingularHere,
-                    () => Verdict::Redundant,
+                    () if fit.dof < fit.kernel => BlockDecision::Shaky,
+                    () if fit.change.is_some() => BlockDecision::Repaired,
+                    () if fit.weak => BlockDecision::Conditions,
+                    () if seen.coarse > fit.kernel => BlockDecision::SingularHere,
+                    () => BlockDecision::Redundant,
                 };
                 Some(Decided {
                     verdict,
@@ -541,13 +541,13 @@ impl Drawing {
                 })
             }
             None if seen.fine <= own => {
-                let verdict = if seen.coarse > own { Verdict::Conditions } else { Verdict::Locked };
+                let verdict = if seen.coarse > own { BlockDecision::Conditions } else { BlockDecision::Locked };
                 Some(Decided::plain(verdict, Some(0)))
             }
             // independent conditions are what is drawn, however weak
             None => {
                 let dof = seen.regular.and_then(|k| k.checked_sub(own)).filter(|k| *k > 0)?;
-                Some(Decided { weak: true, ..Decided::plain(Verdict::Conditions, Some(dof)) })
+                Some(Decided { weak: true, ..Decided::plain(BlockDecision::Conditions, Some(dof)) })
             }
         }
     }

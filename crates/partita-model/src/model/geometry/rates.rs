@@ -1,6 +1,6 @@
 //! Conditions on rates (rolling) that nearly follow from the others, and whether they were intended to.
 
-use super::{closed, coarsest, Decided, Drawing, Model, Verdict, LARGEST_CHANGE, WEAK_CONDITION};
+use super::{closed, coarsest, BlockDecision, Decided, Drawing, Model, LARGEST_CHANGE, WEAK_CONDITION};
 use crate::tree::LinkMotion;
 use partita_math::dense::Matrix;
 use partita_math::factor::qr_null_space_by;
@@ -16,7 +16,7 @@ impl Drawing {
     pub(super) fn rates(&self, own: usize, tolerance: f64) -> Result<Decided, SystemError> {
         let model = &self.model;
         let size = model.size();
-        let open = || Ok(Decided::plain(Verdict::Undecided, None));
+        let open = || Ok(Decided::plain(BlockDecision::Undecided, None));
         let Some(q) = closed(model, coarsest(tolerance)) else { return open() };
         let kept = pivots(model, 0.0, &q, &|i| i >= size.holonomic)?;
         let (mut phi, mut a) = (vec![0.0; size.holonomic], vec![0.0; size.rows]);
@@ -35,12 +35,12 @@ impl Drawing {
             }
         }
         if kept.len() == size.rows {
-            return Ok(Decided::with(Verdict::Regular, (size.nv - size.rows).saturating_sub(own), &kept));
+            return Ok(Decided::with(BlockDecision::Regular, (size.nv - size.rows).saturating_sub(own), &kept));
         }
         // the others are conditions, however weak
         Ok(match exact(model, 0.0, &q, tolerance::DEPENDENT)? {
-            Exact::Redundant(dof, _) => Decided::with(Verdict::Redundant, dof.saturating_sub(own), &kept),
-            Exact::Regular(..) | Exact::Open => Decided::plain(Verdict::Undecided, None),
+            Exact::Redundant(dof, _) => Decided::with(BlockDecision::Redundant, dof.saturating_sub(own), &kept),
+            Exact::Regular(..) | Exact::Open => Decided::plain(BlockDecision::Undecided, None),
         })
     }
 }

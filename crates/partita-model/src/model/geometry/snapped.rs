@@ -6,7 +6,7 @@
 //! moves is decided by its pivots and a short motion.
 
 use super::change::{largest, OWN};
-use super::{at, closed, coarsest, Decided, Drawing, Verdict, LARGEST_CHANGE};
+use super::{at, closed, coarsest, BlockDecision, Decided, Drawing, LARGEST_CHANGE};
 use crate::joint::alignment;
 use crate::spec::{Joint, JointKind};
 use partita_math::sorting::sort_by;
@@ -29,8 +29,8 @@ impl Drawing {
         let level = coarsest(tolerance);
         // what is put together is equal by construction: of other lengths nothing is asked
         let (verdict, dof) = match at(&equal.model, closed(&equal.model, level).as_deref(), level) {
-            Exact::Regular(dof, _) => (Verdict::Regular, dof),
-            Exact::Redundant(dof, _) => (Verdict::Redundant, dof),
+            Exact::Regular(dof, _) => (BlockDecision::Regular, dof),
+            Exact::Redundant(dof, _) => (BlockDecision::Redundant, dof),
             Exact::Open => return None,
         };
         let dof = dof.checked_sub(own).filter(|k| *k > 0)?;

@@ -1,6 +1,6 @@
 //! Messages on the branch that rates select, and on why they select none.
 
-use super::{largest, Asked, BranchDirections, BESIDE_DEAD_CENTRE};
+use super::{largest, BranchDirections, RequestedRate, BESIDE_DEAD_CENTRE};
 use crate::branching::WRITTEN;
 use crate::system::ConstrainedSystem;
 use partita_math::factor::symmetric_eigen;
@@ -8,7 +8,7 @@ use partita_math::formatted;
 use partita_math::tolerance;
 
 impl<S: ConstrainedSystem> BranchDirections<'_, S> {
-    pub(super) fn asked_rates(&self, asked: &[Asked]) -> String {
+    pub(super) fn asked_rates(&self, asked: &[RequestedRate]) -> String {
         let all: Vec<String> =
             asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, formatted(x.rate))).collect();
         let more = if asked.len() > WRITTEN { ", ..." } else { "" };
@@ -29,7 +29,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     }
 
     /// The rates do not select a branch.
-    pub(super) fn which(&self, asked: &[Asked]) -> String {
+    pub(super) fn which(&self, asked: &[RequestedRate]) -> String {
         if self.k == 1 {
             let branch_directions: Vec<String> = self
                 .planes
@@ -52,7 +52,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         }
     }
 
-    pub(super) fn none(&self, asked: &[Asked], nearest: &[f64]) -> String {
+    pub(super) fn none(&self, asked: &[RequestedRate], nearest: &[f64]) -> String {
         let of: Vec<String> =
             asked.iter().take(WRITTEN).map(|x| format!("{} = {}", x.name, formatted(self.read(x, nearest)))).collect();
         format!(
@@ -64,7 +64,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     }
 
     /// As `none`, for velocities of a state.
-    pub(super) fn nearest(&self, w: &[f64], asked: &[Asked]) -> String {
+    pub(super) fn nearest(&self, w: &[f64], asked: &[RequestedRate]) -> String {
         let fits = self.planes.iter().flatten().filter_map(|plane| self.on_plane(plane));
         let fits = fits.filter_map(|(base, basis)| self.fit(&base, &basis, w, &[]));
         let off = |v: &[f64]| v.iter().zip(w).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));

@@ -1,7 +1,7 @@
 //! The branch that given rates select, and the velocities on it.
 
 use super::messages::TOUCH;
-use super::{columns, combined, dot, largest, of_start, Asked, BranchDirections};
+use super::{columns, combined, dot, largest, of_start, BranchDirections, RequestedRate};
 use crate::branching::SAME_RATES;
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::dense::{self, Matrix};
@@ -30,7 +30,7 @@ pub(super) struct Fit {
 pub fn singled_out<S: ConstrainedSystem>(
     system: &S,
     (t, q, near): (f64, &[f64], &[f64]),
-    asked: &[Asked],
+    asked: &[RequestedRate],
     singular: SystemError,
 ) -> Result<Vec<f64>, SystemError> {
     of_start(system, t, q, singular, |branch_directions| branch_directions.with_rates(near, asked))
@@ -46,7 +46,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     ///
     /// # Errors
     /// The reason, as the end of a sentence.
-    pub fn with_rates(&self, near: &[f64], asked: &[Asked]) -> Result<Vec<f64>, String> {
+    pub fn with_rates(&self, near: &[f64], asked: &[RequestedRate]) -> Result<Vec<f64>, String> {
         if let Some(why) = self.impossible() {
             return Err(why);
         }
@@ -72,7 +72,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         &self,
         planes: &[Vec<f64>; 2],
         near: &[f64],
-        asked: &[Asked],
+        asked: &[RequestedRate],
         fastest: f64,
     ) -> Result<Vec<f64>, String> {
         let fits: Vec<Fit> = planes
@@ -111,7 +111,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         Err(self.none(asked, &fits[first].v))
     }
 
-    fn of_cone(&self, near: &[f64], asked: &[Asked], fastest: f64) -> Result<Vec<f64>, String> {
+    fn of_cone(&self, near: &[f64], asked: &[RequestedRate], fastest: f64) -> Result<Vec<f64>, String> {
         let basis: Vec<Vec<f64>> = columns(&self.kernel);
         let Some(fit) = self.fit(&self.particular, &basis, near, asked) else { return Err(self.which(asked)) };
         if fit.miss > SAME_RATES * fastest {
@@ -172,7 +172,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
 
     /// The velocity among base + basis z that meets the rates best and, among those, is nearest to `near` in kinetic
     /// energy.
-    pub(super) fn fit(&self, base: &[f64], basis: &[Vec<f64>], near: &[f64], asked: &[Asked]) -> Option<Fit> {
+    pub(super) fn fit(&self, base: &[f64], basis: &[Vec<f64>], near: &[f64], asked: &[RequestedRate]) -> Option<Fit> {
         let d = basis.len();
         let miss_of =
             |v: &[f64]| asked.iter().fold(0.0, |m: f64, x| m.max((self.read(x, v) - x.rate).abs() / x.displacement));
@@ -214,7 +214,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     }
 
     /// The request, at a velocity in characteristic displacements.
-    pub(super) fn read(&self, x: &Asked, w: &[f64]) -> f64 {
+    pub(super) fn read(&self, x: &RequestedRate, w: &[f64]) -> f64 {
         x.row.iter().zip(w).zip(&self.displacement).map(|((r, w), displacement)| r * w * displacement).sum()
     }
 

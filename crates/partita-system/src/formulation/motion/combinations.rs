@@ -12,12 +12,12 @@ use crate::positions::needs_positions;
 use crate::positions::newton::Newton;
 use crate::record::Correction;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
-use crate::tangent::all::Everything;
+use crate::tangent::all::AllVelocities;
 use crate::tangent::basis::{Basis, Rule};
 use crate::tangent::blocks::Blocks;
 use crate::tangent::frozen::Frozen;
 use crate::tangent::partition::Chosen;
-use crate::tangent::user::Given;
+use crate::tangent::user::MappedTangent;
 use crate::tangent::TangentLevels;
 
 /// A partition and all coordinates (k + nq states): `projective`, and with an infinite threshold `fixed`.
@@ -31,9 +31,9 @@ pub type TangentVelocities<'s, S> = Motion<'s, S, Frozen<'s, S>, All>;
 /// A frozen basis and a chart of the closed positions (2k states).
 pub type TangentSpace<'s, S> = Motion<'s, S, Frozen<'s, S>, Chart>;
 /// The user's basis and all coordinates.
-pub type UserTangent<'s, S> = Motion<'s, S, Given<'s, S>, All>;
+pub type UserTangent<'s, S> = Motion<'s, S, MappedTangent<'s, S>, All>;
 /// All coordinates and all velocities, by a rule.
-pub type FullState<'s, S> = Motion<'s, S, Everything<'s, S>, All>;
+pub type FullState<'s, S> = Motion<'s, S, AllVelocities<'s, S>, All>;
 
 impl<'s, S: ConstrainedSystem> Projective<'s, S> {
     /// For a system of the given rank (see [`crate::start::analyse`]).
@@ -109,7 +109,7 @@ impl<'s, S: ConstrainedSystem> UserTangent<'s, S> {
             return Err(SystemError::argument("tangent", message.into()));
         };
         let positions = All::new(system.size(), options.correction).whole_turns();
-        Ok(Self::with("user-tangent", Given::new(system, rank, map.clone()), positions))
+        Ok(Self::with("user-tangent", MappedTangent::new(system, rank, map.clone()), positions))
     }
 }
 
@@ -122,7 +122,7 @@ impl<'s, S: ConstrainedSystem> FullState<'s, S> {
         options: &FormulationOptions,
     ) -> Self {
         let name = rule.name();
-        let tangent = Everything::new(system, rank, rule, options);
+        let tangent = AllVelocities::new(system, rank, rule, options);
         let positions = All::new(tangent.seen().size(), tangent.correction);
         Self::with(name, tangent, positions)
     }

@@ -38,7 +38,7 @@ const JUDGED_NEAR: f64 = 0.05;
 const MOST_SPOILT: u32 = 6;
 
 /// Rows that may replace those kept, and the distance of the mechanism from a singular position by them.
-pub(super) struct Others {
+pub(super) struct ReplacementRows {
     rows: Vec<usize>,
     pub(super) distance: f64,
 }
@@ -52,7 +52,7 @@ pub(super) struct CrossingMonitor {
     step_start: StepBoundary,
     step_end: StepBoundary,
     /// Rows to be kept from the start of the current step.
-    others: Option<Others>,
+    others: Option<ReplacementRows>,
     /// Margin at the start of the step under way.
     margin_before: Option<(f64, u64)>,
     /// Whether the step length is free.
@@ -223,14 +223,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// Of redundant rows those kept lose rank in positions where the mechanism is regular: those that serve best at (t,
     /// q). None where there are no other rows.
-    pub(super) fn others(&self, t: f64, q: &[f64]) -> Option<Others> {
+    pub(super) fn others(&self, t: f64, q: &[f64]) -> Option<ReplacementRows> {
         if !self.is_redundant() {
             return None;
         }
         let rank = self.tangent.seen().rank();
         let mut best = Reduction::new(self.system.clone(), rank).keeping(&self.tangent.seen().partition.rows);
         choose_partition(&mut best, t, q, None, None).ok()?;
-        Some(Others { distance: best.distance().0, rows: best.partition.rows })
+        Some(ReplacementRows { distance: best.distance().0, rows: best.partition.rows })
     }
 
     /// Distance from a singular position at the point (t, q) last evaluated, inside the step that was judged, and the

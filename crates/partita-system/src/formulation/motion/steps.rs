@@ -3,7 +3,7 @@
 use super::Motion;
 use crate::breakpoints::Passing;
 use crate::error::Result;
-use crate::formulation::{FormulationSteps, SingularSteps, Step, Verdict};
+use crate::formulation::{FormulationSteps, SingularSteps, Step, StepDecision};
 use crate::guards::Look;
 use crate::positions::Positions;
 use crate::record::{Crossings, Gaps, History, StepChecks};
@@ -13,9 +13,9 @@ use partita_math::tolerance;
 
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
     /// Accept or reject the step, and choose anew where required.
-    fn conclude(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
+    fn conclude(&mut self, verdict: StepDecision, step: &mut Step) -> Result<bool> {
         let t = step.t;
-        if verdict == Verdict::Repeat {
+        if verdict == StepDecision::Repeat {
             let failed = self.monitor.crosses_next && !self.monitor.judged;
             if self.monitor.lost || failed {
                 return self.cross_again(step);
@@ -52,7 +52,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.watch.accept();
         self.checks.accept();
         self.monitor.spoilt_in_a_row = 0;
-        if self.moved && (verdict == Verdict::Change || self.tangent.attends()) {
+        if self.moved && (verdict == StepDecision::Change || self.tangent.attends()) {
             self.evaluate(t, step.y)?; // outputs were evaluated since
         }
         let why = self.positions.wants_change().map_or(Occasion::Decayed, Occasion::Positions);
@@ -60,7 +60,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let beside = self.place_of_prescribed();
         self.prescribed.accept(&mut step.y[beside..]);
         let mut rewritten = !self.prescribed.is_empty();
-        rewritten |= verdict == Verdict::Change && self.choose_anew(t, step.y, step.dy, why)?;
+        rewritten |= verdict == StepDecision::Change && self.choose_anew(t, step.y, step.dy, why)?;
         self.tangent.accept(t, self.positions.q())?;
         let taken = (t, self.monitor.length().unwrap_or(0.0));
         let located = step.located.filter(|_| self.monitor.passes_a_singular_position());
@@ -95,7 +95,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> FormulationSteps
     for Motion<'s, S, T, P>
 {
-    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(Verdict, bool)> {
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<(StepDecision, bool)> {
         self.looking = false;
         let (p, w) = self.offsets();
         if !self.prescribed.is_empty() {
@@ -132,19 +132,19 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             return Err(self.not_crossed(t));
         }
         if self.monitor.lost || self.monitor.spoilt {
-            return Ok((Verdict::Repeat, evaluates));
+            return Ok((StepDecision::Repeat, evaluates));
         }
         let mut verdict = self.positions.judge(&mut self.tangent, t, self.margin.map(|m| m.0));
         // one that crosses a singular position is repeated with another length
-        self.monitor.lost = verdict == Verdict::Repeat && self.monitor.crosses_next;
-        if verdict == Verdict::Keep {
+        self.monitor.lost = verdict == StepDecision::Repeat && self.monitor.crosses_next;
+        if verdict == StepDecision::Keep {
             verdict = self.tangent.judge(t, self.positions.q());
         }
-        if verdict == Verdict::Keep {
+        if verdict == StepDecision::Keep {
             verdict = match (self.positions.wants_change(), self.positions.is_stuck()) {
-                (Some(_), _) => Verdict::Change,
-                (None, true) => Verdict::Repeat,
-                (None, false) => Verdict::Keep,
+                (Some(_), _) => StepDecision::Change,
+                (None, true) => StepDecision::Repeat,
+                (None, false) => StepDecision::Keep,
             };
         }
         Ok((verdict, evaluates))
@@ -186,7 +186,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         Ok(())
     }
-    fn commit(&mut self, verdict: Verdict, step: &mut Step) -> Result<bool> {
+    fn commit(&mut self, verdict: StepDecision, step: &mut Step) -> Result<bool> {
         self.conclude(verdict, step)
     }
     fn crossings(&self) -> Crossings {

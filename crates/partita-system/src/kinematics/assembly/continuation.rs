@@ -3,7 +3,7 @@
 use super::descent::nearly;
 use super::{close, messages, Assembly};
 use crate::manifold::least_change::{near_by, LeastChange};
-use crate::manifold::{self, follow, Closed, Curve, End, Pace, Residuals, Room, Visit};
+use crate::manifold::{self, follow, Closed, ClosingScratch, Curve, End, Pace, Residuals, Visit};
 use crate::system::{ConstrainedSystem, SystemError};
 use partita_math::tolerance;
 
@@ -50,7 +50,7 @@ struct Towards<'a, 's, S: ConstrainedSystem> {
     ahead: Vec<f64>,
     locked: &'a [usize],
     tolerance: f64,
-    room: Room,
+    memory: ClosingScratch,
 }
 
 impl<S: ConstrainedSystem> Curve for Towards<'_, '_, S> {
@@ -70,7 +70,7 @@ impl<S: ConstrainedSystem> Curve for Towards<'_, '_, S> {
             q[x.coordinate] = if s == 1.0 { x.value } else { from + (x.value - from) * s };
         }
         self.rows.lock(self.locked);
-        manifold::close(self.rows, q, &near_by(self.tolerance), &mut self.room)
+        manifold::close(self.rows, q, &near_by(self.tolerance), &mut self.memory)
     }
 }
 
@@ -97,8 +97,8 @@ pub fn move_to<S: ConstrainedSystem>(
     let far = ahead.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     let mut report = Assembly::default();
     if far > 0.0 {
-        let (targets, locked, room) = (&targets[..], &locked[..], Room::default());
-        let mut curve = Towards { rows: &mut rows, targets, from, ahead, locked, tolerance, room };
+        let (targets, locked, memory) = (&targets[..], &locked[..], ClosingScratch::default());
+        let mut curve = Towards { rows: &mut rows, targets, from, ahead, locked, tolerance, memory };
         let pace = Pace {
             longest: manifold::follow::LONGEST_PREDICTION,
             shortest: tolerance::SHORTEST_STEP.min(0.1 * far),
@@ -135,7 +135,7 @@ fn resisted<S: ConstrainedSystem>(
     let mut there = q.to_vec();
     targets.iter().for_each(|x| there[x.coordinate] = x.value);
     rows.lock(&targets.iter().map(|x| x.velocity).collect::<Vec<_>>());
-    let last = manifold::close(rows, &mut there, &nearly(tolerance), &mut Room::default())?;
+    let last = manifold::close(rows, &mut there, &nearly(tolerance), &mut ClosingScratch::default())?;
     report.iterations += last.iterations;
     let advice = if last.is_closed() {
         "the loops close there on another branch, but no motion leads to it from here; give `near` on that branch"

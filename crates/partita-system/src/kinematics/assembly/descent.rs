@@ -1,7 +1,7 @@
 //! Descents from one start after the other, each part of the mechanism by itself.
 
 use crate::manifold::least_change::{from_afar, LeastChange};
-use crate::manifold::{self, Residuals, Room, Rule};
+use crate::manifold::{self, ClosingScratch, Residuals, Rule};
 use crate::system::{ConstrainedSystem, SystemError};
 
 /// How a part ended.
@@ -30,7 +30,7 @@ pub(super) struct Descent<'s, S: ConstrainedSystem> {
     pub rows: LeastChange<'s, S>,
     /// How each part ended, and its |Φ|², scaled.
     pub parts: Vec<(Ending, f64)>,
-    room: Room,
+    memory: ClosingScratch,
     y: Vec<f64>,
 }
 
@@ -38,7 +38,7 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
     pub fn new(system: &'s S, t: f64, q: &[f64]) -> Result<Self, SystemError> {
         let rows = LeastChange::new(system, t, q, &[])?;
         let parts = vec![(Ending::Unfinished, f64::INFINITY); rows.blocks.len()];
-        Ok(Self { rows, parts, room: Room::default(), y: vec![0.0; system.size().nv] })
+        Ok(Self { rows, parts, memory: ClosingScratch::default(), y: vec![0.0; system.size().nv] })
     }
 
     /// Parts open by no more than `tolerance` are closed as they stand.
@@ -57,8 +57,8 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
         for (b, (ending, _)) in self.rows.blocks.iter_mut().zip(&self.parts) {
             b.rests = *ending == Ending::Closed;
         }
-        let done = manifold::close(&mut self.rows, q, rule, &mut self.room)?;
-        for (i, (part, p)) in self.parts.iter_mut().zip(&self.room.parts).enumerate() {
+        let done = manifold::close(&mut self.rows, q, rule, &mut self.memory)?;
+        for (i, (part, p)) in self.parts.iter_mut().zip(&self.memory.parts).enumerate() {
             *part = (p.ending.map_or(Ending::Unfinished, Ending::from), self.rows.closure_error_of(i).square);
         }
         Ok(done.iterations)

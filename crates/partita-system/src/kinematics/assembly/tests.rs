@@ -3,7 +3,7 @@
 use super::move_to;
 use crate::manifold::least_change::{from_afar, near_by, LeastChange};
 use crate::manifold::tests::{four_bar, Chains, CRANK_ROCKER};
-use crate::manifold::{close, Room};
+use crate::manifold::{close, ClosingScratch};
 use crate::prelude::*;
 use crate::system::SystemError;
 use std::f64::consts::TAU;
@@ -27,7 +27,7 @@ fn a_crank_is_driven_to_the_limit_of_its_loop() {
     let mut q = [0.5, 0.1, -0.9];
     let mut rows = LeastChange::new(&system, 0.0, &q, &[]).unwrap();
     rows.lock(&[0]);
-    assert!(close(&mut rows, &mut q, &from_afar(1e-12), &mut Room::default()).unwrap().is_closed());
+    assert!(close(&mut rows, &mut q, &from_afar(1e-12), &mut ClosingScratch::default()).unwrap().is_closed());
     let e = move_to(&system, 0.0, &mut q, &[(0, 2.0)], 1e-12).unwrap_err();
     assert!(matches!(e, SystemError::Assembly { .. }), "{e}");
     assert!((q[0] - limit).abs() < 2e-6 && q[0] < limit, "{} {limit}", q[0]);
@@ -35,7 +35,7 @@ fn a_crank_is_driven_to_the_limit_of_its_loop() {
     let mut locked = LeastChange::new(&system, 0.0, &q, &[]).unwrap();
     locked.lock(&[0]);
     let mut beyond = [limit + 0.01, q[1], q[2]];
-    let done = close(&mut locked, &mut beyond, &near_by(1e-12), &mut Room::default()).unwrap();
+    let done = close(&mut locked, &mut beyond, &near_by(1e-12), &mut ClosingScratch::default()).unwrap();
     assert!(!done.is_closed());
 }
 
