@@ -142,6 +142,21 @@ peers:
 	  out/peers/$$peer/bin/python -m pip install --quiet --only-binary=:all: --requirement benches/peers/$$peer.txt || exit 1; \
 	done
 
+## beside: the reference problems of docs/others.md by other programs, those that `make peers` installed
+.PHONY: beside
+beside: $(BUILT)
+	@for peer in mujoco exudyn pinocchio drake; do \
+	  if [ -x out/peers/$$peer/bin/python ]; then \
+	    echo "== $$peer" && PYTHONPATH=python out/peers/$$peer/bin/python tools/beside_$$peer.py || exit 1; \
+	  else echo "== $$peer is not installed: make peers"; fi; \
+	done
+
+## sheet: figures of twelve mechanisms on one sheet, to be looked at, in out/contact-sheet.png (WORD=overview, reactions, ...)
+WORD ?= overview
+.PHONY: sheet
+sheet: $(BUILT)
+	$(BIN)/python tools/contact_sheet.py $(WORD)
+
 # What wheels are made with. On Linux they are linked for an older system than this one, by zig.
 $(PACKING): $(TOOLS) constraints-wheels.txt
 	$(BIN)/python -m pip install --quiet --no-compile --only-binary=:all: --requirement constraints-wheels.txt
