@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
@@ -89,7 +89,6 @@ def options(
     atol: float = 1e-10,
     method: str = "dop853",
     formulation: str = "projective",
-    events: Iterable[Any] = (),
     correction: str = "partition",
     switch_threshold: float = 1.25,
     step: Quantity | None = None,
@@ -105,11 +104,6 @@ def options(
 ) -> Options:
     """Checked options of a run from t0. Those without lists of names are checked once for all runs that ask the same.
     Raises `ArgumentError`."""
-    if not isinstance(events, Sequence) or len(events) > 0:
-        raise ArgumentError(
-            "this version does not offer events; simulate without them and find the instant in the outputs",
-            argument="events",
-        )
     asked = (
         t0, duration, rtol, atol, method, formulation, correction, switch_threshold, step, max_step, max_steps,
         selection, window, renew, compiled,

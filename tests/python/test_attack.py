@@ -409,7 +409,6 @@ def asked() -> dict[str, Callable[[], Call]]:
         "atol": 1e-8,
         "method": "dop853",
         "formulation": "projective",
-        "events": (),
         "progress": False,
         "correction": "partition",
         "switch_threshold": 1.25,

@@ -1,6 +1,7 @@
 """The front page and the pages of docs/: code runs and prints the output shown, generated parts are current."""
 
 import importlib.util
+import inspect
 import json
 import re
 import shutil
@@ -80,6 +81,21 @@ def test_front_page_shows_what_was_measured_beside_other_programs() -> None:
     shown = rows(text_of(ROOT / "README.md"))
     assert all(row in measured for row in shown), [row for row in shown if row not in measured]
     assert {row[0] for row in shown} == {row[0] for row in measured}
+
+
+def test_what_is_said_to_be_lacking_is_lacking() -> None:
+    """The table of what Partita lacks names nothing that another page measures, and no option is offered that always
+    fails."""
+    offers = re.search(
+        r"^\| offers \| lacks \|\n\|[-|]*\n((?:\|.*\n)*)", text_of(ROOT / "docs" / "others.md"), re.MULTILINE
+    )
+    assert offers is not None
+    lacks = [row.strip("|").split("|")[1] for row in offers[1].splitlines()]
+    assert "## Many at once" in text_of(ROOT / "docs" / "speed.md") and hasattr(pt.Mechanism, "ensemble")
+    assert not [cell for cell in lacks if "at once" in cell]
+    for function in (pt.Mechanism.simulate, pt.simulate, pt.Mechanism.stepper):
+        assert "events" not in inspect.signature(function).parameters
+    assert "- No events" in text_of(ROOT / "README.md")
 
 
 NUMBERS = {8: "eight", 9: "nine", 10: "ten", 11: "eleven", 12: "twelve", 13: "thirteen"}

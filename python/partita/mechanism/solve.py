@@ -363,7 +363,6 @@ def simulate(
     method: str = "dop853",
     formulation: str = "projective",
     coordinates: str = "relative",
-    events: Iterable[Any] = (),
     progress: Any = False,
     correction: str = "partition",
     switch_threshold: float = 1.25,
@@ -406,7 +405,6 @@ def simulate(
             accelerations first), "proximal" (the same with regularisation; loads are shared among redundant rows),
             "baumgarte" (stabilised, closed only approximately; needs `baumgarte`).
         coordinates: "relative" or "absolute", as in `compile`.
-        events: not supported by this version; anything but an empty sequence raises `ArgumentError`.
         progress: True: a progress bar on the terminal with the rate and the remaining time (needs tqdm); or a function
             of the completed fraction, 0 to 1.
         correction: how the closure error is removed after each step: "partition" (moves only dependent coordinates),
@@ -414,7 +412,7 @@ def simulate(
             "mass-orthogonal" (the smallest change in the mass metric) or "none" (the constraints drift, which the
             result reports).
         switch_threshold: independent coordinates are switched when others span a volume larger by this factor; at
-            least 1. (`switch` is its old name.)
+            least 1.
         step: fixed step [s]; None: adaptive.
         max_step: largest adaptive step [s].
         max_steps: after this number of steps the run stops with status "max-steps".
@@ -472,7 +470,6 @@ def simulate(
         atol=atol,
         method=method,
         formulation=formulation,
-        events=events,
         correction=correction,
         switch_threshold=deprecated.option("exchange", exchange, switch_threshold, 5),
         step=step,
