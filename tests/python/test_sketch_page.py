@@ -441,8 +441,8 @@ LOOKS_JOINED = 4.0
 """Pixels: a point that is drawn nearer to another, or to the line of a bar, looks as if it were one with it."""
 GEOMETRY = (
     "(({ data }, { picture }) => ({ nodes: Object.fromEntries(data.nodes.map(({ id }) => {"
-    " const p = picture.pixelOf(id); return [id, [p.x, p.y]]; })), bars: data.bars.map(({ a, b, more }) => [a, b, ...more]),"
-    " slides: data.slides.length }))(drawing.sketch, drawing)"
+    " const p = picture.pixelOf(id); return [id, [p.x, p.y]]; })),"
+    " bars: data.bars.map(({ a, b, more }) => [a, b, ...more]), slides: data.slides.length }))(drawing.sketch, drawing)"
 )
 
 

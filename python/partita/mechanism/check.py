@@ -115,6 +115,6 @@ def _counted(report: dict[str, Any]) -> list[str]:
     if report["geometric_errors"]:
         words.append(f"geometric error: {report['geometric_error']:.2e} (radians, and fractions of the size)")
     if report["remedies"]:
-        remedies = ", ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["remedies"])
-        words.append(f"  remedy: with {remedies} replaced nothing is redundant, and nothing else moves")
+        remedies = " and ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["remedies"])
+        words.append(f"  remedy: replace {remedies}; then nothing is redundant, and nothing else moves")
     return words
