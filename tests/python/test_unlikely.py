@@ -81,3 +81,26 @@ def test_a_start_far_from_the_drawing() -> None:
     assert list(slide(0.1).check()) == []
     m = slide(1.0)
     assert list(m.check(m.assemble())) == []  # where to look was given
+
+
+def test_a_wheel_that_begins_under_its_road() -> None:
+    def wheel(height: float) -> pt.Mechanism:
+        m = pt.Mechanism("wheel")
+        body = m.add_body("wheel", mass=10.0, inertia=(0.3, 0.5, 0.3), position=(0, 0, height))
+        m.add_free("F", m.ground, body)
+        m.add_tyre("T", body, center=(0, 0, 0), axis=(0, 1, 0), radius=0.3, normal=(0, 0, 1), stiffness=2e5)
+        return m
+
+    (remark,) = wheel(-0.1).check()
+    assert remark.startswith('tyre "T" begins 0.4 m deep, where its radius is 0.3 m')
+    assert list(wheel(0.29).check()) == [] == list(wheel(2.0).check())
+
+
+def test_numbers_without_measure_end_in_no_error_of_python() -> None:
+    """A depth whose power no number holds."""
+    m = pt.Mechanism("ball")
+    one = m.add_body("ball", mass=0.1, inertia=(1e-5,) * 3, position=(0, -1e59, 0))
+    m.add_free("F", m.ground, one)
+    contact = {"radius1": 0.01, "normal": (0, 1, 0), "stiffness": 1e5, "exponent": 8.0}
+    m.add_contact("C", one, (0, 0, 0), m.ground, (0, 0, 0), **contact)  # type: ignore[arg-type]
+    assert any("pushed out with inf N" in words for words in m._remarks())

@@ -49,7 +49,9 @@ def _deep(d: Description) -> Iterator[str]:
             continue
         pressed = ""
         if force.kind == "contact" and isinstance(data["stiffness"], int | float):
-            pressed = f" and is pushed out with {data['stiffness'] * depth ** data['exponent']:.3g} N"
+            with np.errstate(over="ignore"):
+                force_there = float(data["stiffness"]) * np.float64(depth) ** float(data["exponent"])
+            pressed = f" and is pushed out with {force_there:.3g} N"
         what = f"its radius is {radius:.4g} m" if radius else f"all that is drawn measures {size_of(d):.4g} m"
         yield (
             f'{force.kind} "{force.name}" begins {depth:.4g} m deep{pressed}, where {what}; draw the body outside, or '
@@ -71,7 +73,7 @@ def _tyre(d: Description, data: Mapping[str, Any]) -> tuple[float, float]:
     """The same of a tyre on a road."""
     road, radius = data.get("ground") or GROUND, float(data["radius"])
     centre = to_world(d, data["body"], np.array(data["center"], dtype=float))
-    point = to_world(d, road, np.array(data.get("point") or (0.0, 0.0, 0.0), dtype=float))
+    point = to_world(d, road, np.zeros(3) if data.get("point") is None else np.array(data["point"], dtype=float))
     return _under(d, road, data["normal"], centre - point, radius), radius
 
 
@@ -136,7 +138,8 @@ def _off(d: Description, points: _Points) -> tuple[str, ...]:
     """
     if not len(points.where) or not d.joints:
         return ()
-    away = np.linalg.norm(points.where - np.median(points.where, axis=0), axis=1)
+    with np.errstate(over="ignore"):
+        away = np.linalg.norm(points.where - np.median(points.where, axis=0), axis=1)
     farthest = int(points.joint[np.argmax(np.where(points.joint >= 0, away, -1.0))])
     name, joint = list(d.joints.items())[farthest]
     if joint.kind in SLIDING or joint.point is None:
@@ -164,8 +167,9 @@ def _light(d: Description, points: _Points, off: set[str]) -> Iterator[str]:
     of_bodies = points.body >= 0
     np.minimum.at(low, points.body[of_bodies], points.where[of_bodies])
     np.maximum.at(high, points.body[of_bodies], points.where[of_bodies])
-    lengths = np.linalg.norm(high - low, axis=1)
-    bars = 0.25 * np.pi * AIR * lengths * (lengths / SLENDER) ** 2
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(high - low, axis=1)
+        bars = 0.25 * np.pi * AIR * lengths * (lengths / SLENDER) ** 2
     masses = np.array([body.mass for body in d.bodies.values()])
     names = list(d.bodies)
     for i in np.flatnonzero((masses > 0.0) & (masses < bars)):
