@@ -578,3 +578,20 @@ def test_degrees_of_freedom_are_those_in_the_plane(browser: Chromium) -> None:
         assert user.answer()["mobility"] == 5
         user.drag("slide", (1.5, 0), (1.9, 0))
         assert user.answer()["mobility"] == 4
+
+
+@needs_browser
+def test_bars_of_a_phone_cover_neither_the_drawing_nor_the_run(browser: Chromium) -> None:
+    with User(browser, PHONE) as user:
+        user.four_bar()
+        user.settled()
+        boxes = (
+            "['footer', '#stage'].map((e) => document.querySelector(e).getBoundingClientRect())"
+            ".map(({ top, bottom }) => [top, bottom])"
+        )
+        footer, stage = browser.value(boxes)
+        assert footer[0] >= stage[1] - 1
+        browser.value("drawing.run()")
+        browser.rest_a_frame()
+        (top, bottom), _ = browser.value(boxes)
+        assert bottom == browser.value("innerHeight") and bottom - top < 60
