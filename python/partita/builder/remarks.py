@@ -13,7 +13,7 @@ from .unlikely import unlikely
 
 def remarks(d: Description) -> list[str]:
     """Points that seem to be given in the world, bodies on which nothing acts, starts far from the drawing, contacts
-    that begin deep, lengths that seem to be in another unit."""
+    that begin deep, joints far off their bodies."""
     return [*misplaced(d), *(_sentence(name) for name in unconnected(d)), *far_from_drawn(d), *unlikely(d)]
 
 

@@ -28,14 +28,17 @@ wire of steel so thin would weigh six thousand times as much."""
 
 
 def unlikely(d: Description) -> Iterator[str]:
-    """A sentence for each contact that begins deep, each joint far off its body, each body lighter than air."""
+    """A sentence for each contact that begins deep and for a joint far off its body: the same in all units of length."""
     yield from _deep(d)
-    points = _Points.of(d)
-    found, off = _off(d, points), set[str]()
-    if found:
-        off = {d.joints[found[0]].parent, d.joints[found[0]].child}
+    if found := _off(d, _Points.of(d)):
         yield found[1]
-    yield from _light(d, points, off)
+
+
+def light(d: Description) -> Iterator[str]:
+    """A sentence for each body lighter than air; of one that a joint lies far off the length is not known."""
+    points = _Points.of(d)
+    found = _off(d, points)
+    yield from _light(d, points, {d.joints[found[0]].parent, d.joints[found[0]].child} if found else set())
 
 
 def _deep(d: Description) -> Iterator[str]:

@@ -11,6 +11,7 @@ import numpy as np
 from .. import notebook
 from ..builder.gaps import far_from_drawn, size_of
 from ..builder.remarks import remarks, unconnected
+from ..builder.unlikely import light
 from ..errors import AssemblyError, PartitaError, SingularityError
 from ..io import Reading
 from ..state import State
@@ -94,7 +95,7 @@ def check(self: Modelled, state: State | None = None) -> Check:
 world it would lie on it: if that is meant, give m.bodies["rod"].world((3, 0, 0)), else .at((3, 0, 0))
     """
     d = self._description
-    own = (*remarks(d), *(_moved(self) if state is None else ()))
+    own = (*remarks(d), *light(d), *(_moved(self) if state is None else ()))
     reading: Reading | None = getattr(self, "reading", None)
     try:
         found = report(self, state)
