@@ -28,7 +28,7 @@ wire of steel so thin would weigh six thousand times as much."""
 
 
 def unlikely(d: Description) -> Iterator[str]:
-    """A sentence for each contact that begins deep and for a joint far off its body: the same in all units of length."""
+    """A sentence for each contact that begins deep and for a joint far off its body: the same in all units."""
     yield from _deep(d)
     if found := _off(d, _Points.of(d)):
         yield found[1]
