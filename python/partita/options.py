@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
@@ -90,7 +90,6 @@ def options(
     rtol: float = 1e-8,
     atol: float = 1e-10,
     method: str = "dop853",
-    events: Iterable[Any] = (),
     correction: str = "partition",
     switch_threshold: float = 1.25,
     step: Quantity | None = None,
@@ -102,11 +101,6 @@ def options(
 ) -> Options:
     """Checked options of a run from t0. Those without lists of names are checked once for all runs that ask the same.
     Raises `ArgumentError`."""
-    if not isinstance(events, Sequence) or len(events) > 0:
-        raise ArgumentError(
-            "this version does not offer events; simulate without them and find the instant in the outputs",
-            argument="events",
-        )
     by = checked_solver(solver)
     asked = (
         t0, duration, rtol, atol, method, by.formulation, correction, switch_threshold, step, max_step, max_steps,

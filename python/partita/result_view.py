@@ -21,10 +21,10 @@ def checked_run(result: Any) -> None:
         raise ArgumentError(f"result must be what simulate() returns, not {shown(result)}", argument="result")
 
 
-def given(result: ResultView) -> bool:
+def given(result: MotionView) -> bool:
     """Whether the motion was given, as that of a mode is: no law holds it, so velocities, forces and energies mean
     nothing."""
-    return len(result.t) > 1 and result.v.size > 0 and bool(np.isnan(np.asarray(result.vdot, dtype=float)).all())
+    return result.v.size > 0 and len(result.v) > 1 and bool(np.isnan(np.asarray(result.vdot, dtype=float)).all())
 
 
 FEW = np.pi / 3.0
@@ -60,6 +60,62 @@ def _spins(result: ResultView) -> Iterator[tuple[str, FloatArray]]:
             start = joint["state_v"][0]
             turning = [start + i for i, unit in enumerate(joint_units(joint)[1]) if unit == "rad"]
             yield str(joint["name"]), np.linalg.norm(np.asarray(result.v)[:, turning], axis=1)
+
+
+NEGLIGIBLE = 1e-9
+"""A value below this fraction of the scale of its unit in a run (`scales`) is round-off: figures and pages draw it as
+zero. `NEGLIGIBLE` in data.js is the same."""
+
+
+LOAD_UNITS = {"force": "N", "moment": "N m"}
+"""Reactions of joints."""
+
+
+def scales(result: MotionView) -> dict[str, float]:
+    """By unit, the magnitude to which values of a run compare: the largest of that unit, or what others make of it.
+
+    A planar mechanism carries moments of 1e-16 N m beside forces of 10 N: their scale is a force times the length of
+    the mechanism. Lengths are compared with that length, angles with 1 rad, rates with these over the duration at
+    least. Empty for a run without bodies, whose units are not known.
+    """
+    if not result.names.bodies:
+        return {}
+    spec, t = getattr(result, "spec", None) or {}, np.asarray(getattr(result, "t", ()), dtype=float)
+    largest: dict[str, float] = {}
+
+    def add(unit: str, values: Any) -> None:
+        finite = np.abs(np.asarray(values, dtype=float))
+        largest[unit] = max(largest.get(unit, 0.0), float(np.max(finite, initial=0.0, where=np.isfinite(finite))))
+
+    q_units, v_units = coordinate_units(result.summary, result.names)
+    for values, units in ((np.asarray(result.q), q_units), (np.asarray(result.v), v_units)):
+        for i, unit in enumerate(units):
+            add(unit, values[:, i])
+    points = [body["position"] for body in spec.get("bodies", ()) if "position" in body]
+    points += [joint["point"] for joint in spec.get("joints", ()) if joint.get("point") is not None]
+    drawn = float(np.linalg.norm(np.ptp(np.array(points, dtype=float).reshape(-1, 3), axis=0))) if points else 0.0
+    length = max(drawn, largest.get("m", 0.0)) or 1.0
+    duration = float(t[-1] - t[0]) if len(t) > 1 else 0.0
+    least = 1.0 / duration if duration > 0.0 else 0.0
+    turning = max(largest.get("rad/s", 0.0), largest.get("m/s", 0.0) / length, least)
+    loads: Any = getattr(result, "reactions", None)  # a position and kinematics have none
+    for name, unit in LOAD_UNITS.items() if loads is not None else ():
+        add(unit, loads[name])
+    if getattr(result, "has_energy", False) and not given(result):
+        energy: Any = getattr(result, "energy")  # noqa: B009
+        add("J", energy.kinetic)
+        add("J", np.asarray(energy.potential) - energy.potential[0])
+    work = max(largest.get("N", 0.0) * length, largest.get("N m", 0.0), largest.get("J", 0.0))
+    return {
+        "rad": max(1.0, largest.get("rad", 0.0)), "m": length, "rad/s": turning, "m/s": turning * length,
+        "rad/s^2": turning**2, "m/s^2": turning**2 * length,
+        "N": work / length, "N m": work, "J": work, "W": work * turning,
+    }  # fmt: skip
+
+
+def least(result: MotionView, unit: str) -> float:
+    """What is smaller than this is round-off in a run; 0 for a unit without a scale."""
+    return NEGLIGIBLE * scales(result).get(unit, 0.0)
 
 
 class MotionView(Protocol):

@@ -40,7 +40,7 @@ class TangentVelocities:
     ...     jacobian=lambda t, q: [q],
     ...     bias=lambda t, q, v: [v @ v],
     ... )
-    >>> run = pt.simulate(ring, 1.0, [1.0, 0.0], [0.0, 0.0], formulation="user-tangent", tangent=tangent)
+    >>> run = pt.simulate(ring, 1.0, [1.0, 0.0], [0.0, 0.0], solver=pt.Solver("user-tangent", tangent=tangent))
     >>> bool(run.closure.max() < 1e-12)
     True
     """

@@ -49,6 +49,9 @@ class Fake:
         if self.independent is None:
             self.independent = np.zeros((nt, 1), dtype=int)
         self.closure = np.full(nt, 1e-15)
+        self.certificate = SimpleNamespace(
+            verdict="valid", closure=1e-15, energy_balance=0.0, newton_euler=None, findings=()
+        )
         self.sigma = 0.5 + 0.1 * np.sin(self.t)
         self.sqrt_mu = 0.7 + 0.1 * np.cos(self.t)
         kinetic = 1.0 + np.sin(self.t) ** 2

@@ -38,5 +38,15 @@
     const track = e.querySelector(".track").getBoundingClientRect();
     if (e.checkVisibility() && track.width < 60) bad.push(`a bar of ${track.width} px`);
   }
+  for (const e of document.querySelectorAll(".row .value, .plot .read, .plot .open, #readouts dd, #trust dd, #trust p")) {
+    const box = e.getBoundingClientRect(), home = e.closest("#plots, aside, header").getBoundingClientRect();
+    if (!e.checkVisibility()) continue;
+    if (e.scrollWidth > e.clientWidth + 1 && e.clientWidth || box.right > home.right) bad.push(`"${e.textContent}" is cut`);
+  }
+  for (const row of partita.ticks()) {
+    (row || []).forEach((tick, i) => { if (i && tick.left < row[i - 1].right + 6) bad.push(`${row[i - 1].text} runs into ${tick.text}`); });
+  }
+  const last = [...document.querySelectorAll("#multiples .plot")].map((e) => e.getBoundingClientRect().right), strip = document.getElementById("multiples");
+  if (last.length && strip.checkVisibility() && Math.max(...last) < strip.getBoundingClientRect().right - 2) bad.push("a part of the strip of plots is empty");
   return [...new Set(bad)];
 })()

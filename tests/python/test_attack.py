@@ -408,7 +408,6 @@ def asked() -> dict[str, Callable[[], Call]]:
         "rtol": 1e-6,
         "atol": 1e-8,
         "method": "dop853",
-        "events": (),
         "progress": False,
         "correction": "partition",
         "switch_threshold": 1.25,

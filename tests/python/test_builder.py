@@ -270,7 +270,6 @@ def test_bad_arguments_of_assemble(arguments: dict[str, Any], error: type[Except
         ({"coordinates": "joint"}, "'relative', 'absolute'"),
         ({"correction": "Partition"}, "'partition'"),
         ({"switch_threshold": 0.5}, "1.25 is usual"),
-        ({"events": (len,)}, "does not offer events"),
         ({"step": 1e-3, "max_step": 1e-2}, "give one"),
         ({"max_steps": 0}, "max_steps"),
         ({"t_eval": [0.0, 0.5, 0.5]}, "must increase"),

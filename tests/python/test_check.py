@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from test_urdf import LENGTHS, LOOP, PAIR, ends, tree, written
 
+import partita as pt
 from partita.cli import main
 
 
@@ -48,3 +49,11 @@ def test_how_a_file_is_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     heavy = written(tmp_path / "urdf", tree().replace('iyy="1e-4"', 'iyy="1e3"'))
     assert main(["check", str(heavy)]) == 0 and "principal values" in capsys.readouterr().out
     assert main(["check", str(heavy), "--inertia", "strict"]) != 0
+
+
+def test_the_remedy_is_that_of_the_report_in_words() -> None:
+    words = " ".join(str(pt.catalogue.load("four-bar").check()).split())
+    remedy = "replace hinge C by a cylindrical joint and hinge D by a ball joint; then nothing is redundant, and"
+    remedy += " nothing else moves"
+    assert f"remedy: {remedy}" in words
+    assert remedy in " ".join(str(pt.catalogue.load("four-bar").report()).split())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import threading
 import time
+import webbrowser
 from dataclasses import replace
 from pathlib import Path
 
@@ -115,13 +116,25 @@ def test_account_says_who_chose(words: tuple[str, ...], reported: str, capsys: p
     assert reported in capsys.readouterr().out
 
 
-def test_stored_results_can_be_plotted_and_viewed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stored_results_can_be_plotted_and_viewed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that was not named is never replaced; a page that is looked at is opened."""
     path = tmp_path / "run.json"
     assert run("simulate", "four-bar", "--time", 0.5, "--outputs", 11, "--quiet", "--save", path) == 0
     assert capsys.readouterr().out == ""
     assert run("plot", path) == 0 and (tmp_path / "run.png").exists()
     assert run("plot", path, "--what", "A", "--what", "energy", "-o", tmp_path / "two.svg") == 0
-    assert run("view", path) == 0 and (tmp_path / "run.html").exists()
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    kept = tmp_path / "run.html"  # of another command
+    kept.write_text("mine", encoding="utf-8")
+    assert run("view", path) == 0 and len(opened) == 1 and kept.read_text("utf-8") == "mine"
+    assert "-o FILE keeps it" in capsys.readouterr().out
+    figure = (tmp_path / "run.png").read_bytes()
+    assert run("plot", path) == 2 and "-o" in capsys.readouterr().err
+    assert (tmp_path / "run.png").read_bytes() == figure
+    assert run("view", path, "-o", kept) == 0 and kept.read_text("utf-8").startswith("<!DOCTYPE html>")
     film = tmp_path / "run.gif"
     assert run("view", path, "-o", film) == 0 and film.read_bytes()[:3] == b"GIF"
     before = path.read_bytes()

@@ -67,7 +67,7 @@ def test_a_long_chain_begins_with_a_part_that_can_be_seen(browser: Chromium, tmp
     is long and thin itself."""
     chain = viewer.write_html(run_of("n-four-bar"), tmp_path / "chain.html")
     gaps = "partita.joints().map((joint) => joint.x).sort((a, b) => a - b).map((x, i, all) => x - (all[i - 1] ?? x))"
-    browser.open(chain, PHONE)
+    browser.open(chain, PHONE, at="#still")
     assert browser.value(f"Math.max(...{gaps})") > 40 and browser.value(OUTSIDE) > 60
     assert browser.value(f"{WHOLE}.checkVisibility()") and not browser.value(f"{WHOLE}.checked")
     browser.value(f"{WHOLE}.click()")

@@ -109,3 +109,10 @@ def test_tables_in_a_notebook():
     assert f"{lin.modes().frequency[0]:.6g} Hz" in lin.modes()._repr_html_()
     moving = pt.catalogue.load("four-bar")
     assert "depend on the coordinates" in moving.linearize(moving.assemble(rates={"A": 2.0}))._repr_html_()
+
+
+def test_no_damping_is_zero_and_not_minus_zero() -> None:
+    m = pt.catalogue.load("four-bar")
+    modes = m.linearize(m.equilibrium(stable=True)).modes()
+    assert "damping 0," in str(modes) and "-0" not in str(modes)
+    assert not np.signbit(modes.damping).any()

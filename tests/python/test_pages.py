@@ -73,7 +73,9 @@ def test_the_questions_find_faults(browser: Chromium, tmp_path: Path) -> None:
     heaped = tmp_path / "heaped.html"
     crowded = viewer.html(run_of("engine-radial-five"))  # whose words need every free place of a phone
     heaped.write_text(crowded.replace("if (taken.some(", "if (false && taken.some("), encoding="utf-8")
-    browser.open(heaped, PHONE)
+    browser.open(heaped, PHONE, at="#still")
+    browser.value("document.getElementById('names').click()")
+    browser.rest_a_frame()
     assert any('" on "' in word for word in browser.value(LAYOUT))
     loud = tmp_path / "loud.html"
     loud.write_text(text.replace("start();\n", "start(); console.error('said');\n"), encoding="utf-8")
@@ -414,7 +416,7 @@ def test_very_small_and_very_large_mechanisms_are_drawn(browser: Chromium, tmp_p
         assert run.success
         path = viewer.write_html(run, tmp_path / f"{size:g}.html", points={"P": (coupler, [0.5 * size, 0.2 * size, 0])})
         assert faults(browser, path, fixed_bytes(), screens=LOOKED_AT) == []
-        browser.open(path)
+        browser.open(path, at="#still")
         shots.append(browser.value("partita.joints().map((p) => [p.x, p.y])"))
     assert np.allclose(shots[0], shots[1], atol=0.5)
 

@@ -70,7 +70,7 @@ def test_an_overview_reports_over_which_angle() -> None:
 def test_coordinates_that_turn_on_and_on_do_not_flatten_the_others() -> None:
     ax = run_of("engine-inline-four").plot("coordinates").axes[0]
     assert all(str(line.get_label()).startswith("slide") for line in ax.get_lines())
-    assert "main 32" in ax.texts[0].get_text()
+    assert "main 32" in ax.get_title(loc="right")
     assert not ax.collections  # in no band either
 
 

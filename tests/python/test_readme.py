@@ -1,10 +1,13 @@
 """The front page and the pages of docs/: code runs and prints the output shown, generated parts are current."""
 
 import importlib.util
+import inspect
 import json
 import re
+import shlex
 import shutil
 import sys
+import webbrowser
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
@@ -17,6 +20,7 @@ import pytest
 from thorough import either
 
 import partita as pt
+from partita.cli import main
 from partita.comparison import bench
 from partita.comparison.table import COLUMNS
 from partita.options import FORMULATIONS, METHODS
@@ -80,6 +84,53 @@ def test_front_page_shows_what_was_measured_beside_other_programs() -> None:
     shown = rows(text_of(ROOT / "README.md"))
     assert all(row in measured for row in shown), [row for row in shown if row not in measured]
     assert {row[0] for row in shown} == {row[0] for row in measured}
+
+
+def test_what_is_said_to_be_lacking_is_lacking() -> None:
+    """The table of what Partita lacks names nothing that another page measures, and no option is offered that always
+    fails."""
+    offers = re.search(
+        r"^\| offers \| lacks \|\n\|[-|]*\n((?:\|.*\n)*)", text_of(ROOT / "docs" / "others.md"), re.MULTILINE
+    )
+    assert offers is not None
+    lacks = [row.strip("|").split("|")[1] for row in offers[1].splitlines()]
+    assert "## Many at once" in text_of(ROOT / "docs" / "speed.md") and hasattr(pt.Mechanism, "ensemble")
+    assert not [cell for cell in lacks if "at once" in cell]
+    for function in (pt.Mechanism.simulate, pt.simulate, pt.Mechanism.stepper):
+        assert "events" not in inspect.signature(function).parameters
+    assert "- No events" in text_of(ROOT / "README.md")
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
+def test_commands_of_the_front_page_run_in_their_order(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Pasted as they are into an empty folder, the comments behind them included."""
+    opened: list[str] = []
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    lines = re.findall(r"^    (\S.*)$", text_of(ROOT / page).partition("## All pages")[0], flags=re.MULTILINE)
+    commands = [shlex.split(line, comments=True) for line in lines if line.startswith("partita ")]
+    assert len(commands) > 10 and len({words[1] for words in commands}) > 9
+    for words in commands:
+        assert main(words[1:]) == 0, (words, capsys.readouterr().err)
+    assert {"four-bar.html", "squeezer.html", "my.toml", "out.nc", "out.png"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
+    assert len(opened) == 1
+
+
+def test_what_is_not_published_is_marked() -> None:
+    """Where a page installs by the name alone it says that this is for later; no address is given that is not there."""
+    for path in PAGES:
+        text = " ".join(text_of(path).split())
+        for found in re.finditer(r"pip install '?partita(?![\[\w-])", text):
+            near = text[max(0, found.start() - 400) : found.end() + 400]
+            assert "after release" in near.lower() or path.name in ("dependencies.md",), (path.name, near)
+    assert not re.search(r"^(urls|\[project\.urls\])", text_of(ROOT / "pyproject.toml"), flags=re.MULTILINE)
+    made = [line.split()[1] for line in re.findall(r"^    (make .*)$", text_of(ROOT / "README.md"), re.MULTILINE)]
+    targets = re.findall(r"^([\w-]+):", text_of(ROOT / "Makefile"), flags=re.MULTILINE)
+    assert made == ["demo", "test"] and set(made) <= set(targets)
 
 
 NUMBERS = {8: "eight", 9: "nine", 10: "ten", 11: "eleven", 12: "twelve", 13: "thirteen"}

@@ -66,9 +66,8 @@ def test_every_extra_that_an_error_names_exists_and_is_pinned() -> None:
     assert named <= set(extras)
     pinned = packages((ROOT / "constraints.txt").read_text("utf-8").splitlines())
     for name, wanted in extras.items():
-        assert name == "all" or packages(wanted) <= pinned, name
-    (everything,) = extras["all"]
-    assert set(everything.removeprefix("partita[").removesuffix("]").split(",")) == set(extras) - {"all"}
+        group = re.fullmatch(r"partita\[([\w,]+)\]", wanted[0])
+        assert set(group.group(1).split(",")) <= set(extras) if group else packages(wanted) <= pinned, name
 
 
 def test_every_extra_stands_among_the_dependencies() -> None:
@@ -293,10 +292,15 @@ def test_the_first_five_minutes_are_commands_and_blocks() -> None:
     """What `make wheels` follows by the letter."""
     assert install_check.commands("five-minutes.md") == ["python -m venv .venv", INSTALL]
     install, first = install_check.commands("index.md")[:2]
-    assert install == "pip install partita" and first.startswith("partita simulate")
+    assert install.split("#")[0].strip() == "pip install partita" and first.startswith("partita simulate")
+    assert "after release" in install
     assert len(install_check.blocks("five-minutes.md")) >= 4
     front = (ROOT / "README.md").read_text("utf-8")
-    assert install_check.COMMAND.findall(front)[0] == "pip install partita"
+    assert [line.split("#")[0].strip() for line in install_check.COMMAND.findall(front)[:3]] == [
+        "python -m venv .venv && . .venv/bin/activate",
+        "python -m pip install '.[plots,netcdf,completion]'",
+        "partita simulate four-bar --html four-bar.html",
+    ]
 
 
 INSTALL = ".venv/bin/python -m pip install partita"

@@ -2,7 +2,9 @@
 
 import json
 from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -433,3 +435,163 @@ def test_one_question_at_a_time(browser: Chromium) -> None:
         )
         assert sent == [2, 1, False]
         assert browser.reported == []
+
+
+LOOKS_JOINED = 4.0
+"""Pixels: a point that is drawn nearer to another, or to the line of a bar, looks as if it were one with it."""
+GEOMETRY = (
+    "(({ data }, { picture }) => ({ nodes: Object.fromEntries(data.nodes.map(({ id }) => {"
+    " const p = picture.pixelOf(id); return [id, [p.x, p.y]]; })),"
+    " bars: data.bars.map(({ a, b, more }) => [a, b, ...more]), slides: data.slides.length }))(drawing.sketch, drawing)"
+)
+
+
+def not_joined(seen: dict[str, Any]) -> list[str]:
+    """What looks joined in a picture and is not: points upon each other that no bar holds both, points on bars."""
+    at = {int(node): np.array(p) for node, p in seen["nodes"].items()}
+    held = [set(nodes) for nodes in seen["bars"]]
+    found = [
+        f"nodes {i} and {j}"
+        for i, j in combinations(at, 2)
+        if np.hypot(*(at[i] - at[j])) < LOOKS_JOINED and not any({i, j} <= nodes for nodes in held)
+    ]
+    for nodes in seen["bars"]:
+        a, u = at[nodes[0]], at[nodes[1]] - at[nodes[0]]
+        for i in at.keys() - set(nodes):
+            foot = a + np.clip((at[i] - a) @ u / (u @ u), 0.0, 1.0) * u
+            if np.hypot(*(at[i] - foot)) < LOOKS_JOINED:
+                found.append(f"node {i} and the bar of {nodes}")
+    return found
+
+
+def come_apart(user: User) -> float:
+    """How far points that bars share come apart in a run of the mechanism [m]."""
+    m, data = user.page.mechanism, user.data()
+    run = m.simulate(0.2, t_eval=[0.0, 0.2], rtol=1e-9)
+    assert run.success
+    at = {node["id"]: (node["x"], node["y"], 0.0) for node in data["nodes"]}
+    apart = 0.0
+    for node, point in at.items():
+        held = [bar["name"] for bar in data["bars"] if node in (bar["a"], bar["b"], *bar["more"])]
+        ends = [run.body(name).point(m.bodies[name].world(point)[1])[-1] for name in held]
+        ends += [np.array(point)] * next(x["ground"] for x in data["nodes"] if x["id"] == node)
+        apart = max([apart, *(float(np.abs(end - ends[0]).max()) for end in ends)])
+    return apart
+
+
+@needs_browser
+def test_what_looks_joined_is_joined_in_a_hundred_drawings(browser: Chromium) -> None:
+    """Bars drawn by someone who aims at points and bars that are there, and misses by half a cell of the grid."""
+    rng = np.random.default_rng(58)
+    shared = 0
+    with User(browser) as user:
+        for number in range(100):
+            user.press("clear")
+            width, height = browser.value("[drawing.picture.camera.width, drawing.picture.camera.height]")
+            box = browser.value(
+                "(({ left, top }) => [left, top])(document.getElementById('view').getBoundingClientRect())"
+            )
+            low, high = np.array([60.0, 130.0]), np.array([width - 60.0, height - 60.0])
+            points = [low + rng.random(2) * (high - low)]
+
+            def aim(points: list[Any] = points, low: Any = low, high: Any = high) -> Any:
+                at = points[rng.integers(len(points))] + rng.uniform(-24.0, 24.0, 2)
+                if rng.random() < 0.3:
+                    at = 0.5 * (at + points[rng.integers(len(points))])  # on a bar, perhaps
+                if rng.random() < 0.4:
+                    at = low + rng.random(2) * (high - low)
+                return np.clip(at, low, high)
+
+            def by_pointer(name: str, *pixels: Any, corner: Any = box) -> None:
+                user.tool(name)
+                browser.drag(*((float(x + corner[0]), float(y + corner[1])) for x, y in pixels))
+
+            for _ in range(rng.integers(2, 5)):
+                ends = [aim(), aim()]
+                by_pointer("bar", *ends)
+                points += ends
+            by_pointer("ground", aim())
+            if number % 2:
+                start = aim()
+                by_pointer("select", start, 0.5 * (start + points[-1]), aim())
+            seen = browser.value(GEOMETRY)
+            assert not_joined(seen) == [], number
+            shared += sum(sum(node in bar for bar in seen["bars"]) > 1 for node in map(int, seen["nodes"]))
+            if seen["bars"] and number % 5 == 0:
+                assert user.answer()["kind"] in ("moves", "rigid"), number
+                assert come_apart(user) < 1e-6, number
+        assert browser.reported == []
+    assert shared > 100  # many did aim at what was there
+
+
+@needs_browser
+def test_points_typed_or_moved_by_keys_onto_others_are_joined(browser: Chromium) -> None:
+    with User(browser) as user:
+        user.drag("bar", (0, 0), (0.5, 0))
+        user.drag("bar", (1, 0.5), (1, 1))
+        user.drag("select", (1, 0.5))
+        user.put("x", 0.5)
+        assert len(user.data()["nodes"]) == 4
+        user.put("y", 0.0)
+        data = user.data()
+        assert len(data["nodes"]) == 3 and data["bars"][1]["a"] == data["bars"][0]["b"]
+        user.press("undo")
+        user.put("y", 1e-4)  # a tenth of a millimetre beside it is meant, though it cannot be seen here
+        assert len(user.data()["nodes"]) == 4
+        user.press("clear")
+        user.drag("bar", (0, 0), (1, 0))
+        user.drag("bar", (0.5, 0.5), (0.5, 1))
+        user.drag("select", (0.5, 0.5))
+        browser.value("document.activeElement.blur()")
+        for _ in range(20):
+            browser.press("ArrowDown")
+            if user.data()["bars"][0]["more"]:
+                break
+        (pin,) = user.data()["bars"][0]["more"]
+        assert user.data()["bars"][1]["a"] == pin
+        assert browser.reported == []
+
+
+@needs_browser
+def test_a_new_drawing_is_seen_whole(browser: Chromium) -> None:
+    with User(browser) as user:
+        first = browser.value("drawing.picture.camera.scale")
+        user.drag("bar", (0, 0), (1, 0))
+        for _ in range(12):
+            browser.press("+")
+        assert browser.value("drawing.picture.camera.scale") > 5 * first
+        user.press("clear")
+        assert browser.value("drawing.picture.camera.scale") == pytest.approx(first)
+
+
+@needs_browser
+def test_degrees_of_freedom_are_those_in_the_plane(browser: Chromium) -> None:
+    """Three bars, two of them pinned to each other: 3 in the plane each, less 2 for the pin; none of it in calls."""
+    with User(browser) as user:
+        user.drag("bar", (0, 0), (0.5, 0.5))
+        user.drag("bar", (0.5, 0.5), (1, 0))
+        user.drag("bar", (1.5, 0), (1.5, 1))
+        found = user.answer()
+        assert found["message"] == "7 degrees of freedom." and found["mobility"] == 7
+        assert not [remark for remark in found["remarks"] if "add_" in remark or "m." in remark.split()]
+        user.drag("ground", (0, 0))
+        assert user.answer()["mobility"] == 5
+        user.drag("slide", (1.5, 0), (1.9, 0))
+        assert user.answer()["mobility"] == 4
+
+
+@needs_browser
+def test_bars_of_a_phone_cover_neither_the_drawing_nor_the_run(browser: Chromium) -> None:
+    with User(browser, PHONE) as user:
+        user.four_bar()
+        user.settled()
+        boxes = (
+            "['footer', '#stage'].map((e) => document.querySelector(e).getBoundingClientRect())"
+            ".map(({ top, bottom }) => [top, bottom])"
+        )
+        footer, stage = browser.value(boxes)
+        assert footer[0] >= stage[1] - 1
+        browser.value("drawing.run()")
+        browser.rest_a_frame()
+        (top, bottom), _ = browser.value(boxes)
+        assert bottom == browser.value("innerHeight") and bottom - top < 60

@@ -114,7 +114,7 @@ class Modes:
                     number,
                     value,
                     size / (2.0 * math.pi) if pair else 0.0,
-                    -value.real / size if size else 0.0,
+                    (0.0 - value.real) / size if size else 0.0,  # 0, not -0, without damping
                     kind,
                     motion,
                     moved[i] / scale,

@@ -8,11 +8,13 @@ from .calls import references
 from .gaps import far_from_drawn
 from .points import misplaced
 from .records import Description
+from .unlikely import unlikely
 
 
 def remarks(d: Description) -> list[str]:
-    """Points that seem to be given in the world, bodies on which nothing acts, starts far from the drawing."""
-    return [*misplaced(d), *(_sentence(name) for name in unconnected(d)), *far_from_drawn(d)]
+    """Points that seem to be given in the world, bodies on which nothing acts, starts far from the drawing, contacts
+    that begin deep, joints far off their bodies."""
+    return [*misplaced(d), *(_sentence(name) for name in unconnected(d)), *far_from_drawn(d), *unlikely(d)]
 
 
 def unconnected(d: Description) -> list[str]:

@@ -34,7 +34,7 @@ EXAMPLES = {
     "draw": ("", "--port 8000 --no-browser"),
     "bench": ("four-bar --time 1", "andrews-squeezer --tolerances 1e-5,1e-7,1e-9"),
     "plot": ("run.nc", "run.nc --what energy --what A -o energy.pdf"),
-    "view": ("run.nc -o run.html",),
+    "view": ("run.nc", "run.nc -o run.html"),
     "convert": ("robot.urdf robot.toml", "four-bar four-bar.mjcf --json"),
     "mcp": ("--root models", "--root models --seconds 60 --memory 4000"),
     "completion": ("bash >> ~/.bash_completion",),
@@ -91,7 +91,10 @@ def parser() -> argparse.ArgumentParser:
     plot = _command(words, "plot", commands.plot, "draw a stored result")
     plot.add_argument("result", metavar="RESULT", help="a stored result (.nc, .zarr, .json, .csv, .parquet, .mat)")
     plot.add_argument(
-        "-o", "--output", metavar="FILE", help="figure to write (.png, .pdf, .svg); default: beside RESULT"
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="figure to write (.png, .pdf, .svg); default: a new file beside RESULT",
     )
     plot.add_argument(
         "--what",
@@ -100,10 +103,13 @@ def parser() -> argparse.ArgumentParser:
         help="overview (default), coordinates, closure, energy, measure, reactions, or the name of a joint; repeatable",
     )
 
-    view = _command(words, "view", commands.view, "make the animated page of a stored result")
+    view = _command(words, "view", commands.view, "open the animated page of a stored result, or write it")
     view.add_argument("result", metavar="RESULT", help="a stored result (.nc, .zarr, .json, .csv, .parquet, .mat)")
     view.add_argument(
-        "-o", "--output", metavar="FILE", help="page (.html) or film (.gif, .mp4); default: a page beside RESULT"
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="page (.html) or film (.gif, .mp4) to write; default: a page that is opened and not kept",
     )
 
     convert = _command(words, "convert", commands.convert, "read one model file and write another")

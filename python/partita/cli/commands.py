@@ -50,9 +50,12 @@ def plot(arguments: argparse.Namespace) -> int:
 
 
 def view(arguments: argparse.Namespace) -> int:
-    """Make the page of a stored result, or a film for a .gif or .mp4."""
+    """Open the page of a stored result in the browser; with a file to write, write it, a film for a .gif or .mp4."""
     from ..results import load_result
 
+    if not arguments.output:
+        print(f"opened {load_result(arguments.result).show().path}; -o FILE keeps it")
+        return 0
     target = _beside(arguments.result, arguments.output, ".html")
     if target.suffix.lower() in (".gif", ".mp4"):
         load_result(arguments.result).save_animation(target)
@@ -87,8 +90,11 @@ def draw(arguments: argparse.Namespace) -> int:
 
 
 def _beside(result: str, output: str | None, ending: str) -> Path:
-    """The requested file, or one beside the result with another ending; never the result itself."""
+    """The requested file, or a new one beside the result with another ending; never the result itself, nor a file of
+    that name that is there already and was not asked for."""
     target = Path(output) if output else Path(result).with_suffix(ending)
+    if not output and target.exists():
+        raise ArgumentError(f"{str(target)!r} exists already; -o {target} replaces it", argument="output")
     if target.resolve() == Path(result).resolve():
         raise ArgumentError(f"{str(target)!r} is the result itself; give another file with -o", argument="output")
     return target

@@ -6,13 +6,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from .. import notebook
+from ..builder.gaps import far_from_drawn, size_of
 from ..builder.remarks import remarks, unconnected
-from ..errors import AssemblyError, SingularityError
+from ..builder.unlikely import light
+from ..errors import AssemblyError, PartitaError, SingularityError
 from ..io import Reading
 from ..state import State
-from .models import Modelled
+from .models import Modelled, layout_of
 from .report import Report, report
+from .solve import assemble
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,8 @@ class Check:
 
 def check(self: Modelled, state: State | None = None) -> Check:
     """Look for mistakes before any run: loops that do not close, points that seem to be given in the wrong axes, bodies
-    that nothing holds, redundant constraints, data of unlikely size.
+    that nothing holds, starts far from the drawing, contacts that begin deep, redundant constraints, data of unlikely
+    size.
 
     `partita check FILE` prints the same. A run names points in the wrong axes and bodies that nothing holds among its
     notes, and logs them as warnings.
@@ -89,7 +95,7 @@ def check(self: Modelled, state: State | None = None) -> Check:
 world it would lie on it: if that is meant, give m.bodies["rod"].world((3, 0, 0)), else .at((3, 0, 0))
     """
     d = self._description
-    own = tuple(remarks(d))
+    own = (*remarks(d), *light(d), *(_moved(self) if state is None else ()))
     reading: Reading | None = getattr(self, "reading", None)
     try:
         found = report(self, state)
@@ -105,6 +111,44 @@ world it would lie on it: if that is meant, give m.bodies["rod"].world((3, 0, 0)
     return Check(True, None, (*own, *others), found, reading)
 
 
+MOVED = 0.5
+"""A start farther from the drawing than this fraction of its size is probably not meant."""
+
+
+def _moved(self: Modelled) -> list[str]:
+    """Whether closing the loops and the values of drives take the start far from the drawing."""
+    d = self._description
+    if any(far_from_drawn(d)):  # which is said already
+        return []
+    try:
+        model, _ = layout_of(self, "relative")
+        start = assemble(self)
+    except PartitaError:  # which is reported beside
+        return []
+    names = [body["name"] for body in model.summary["bodies"]]
+    at = model.core.bodies(np.array([start.t]), start.q[None], start.v[None], list(range(len(names))))
+    position = np.asarray(at["body_position"]).reshape(-1, 3)
+    rotation = np.asarray(at["body_rotation"]).reshape(-1, 3, 3)
+    own = {name: (body, body.to_world(body.com)) for name, body in d.bodies.items()}
+    if not own:
+        return []
+    spread = float(np.linalg.norm(np.ptp(np.array([com for _, com in own.values()]), axis=0)))
+    wide = [np.sqrt(2.0 * np.trace(body.inertia) / body.mass) for body, _ in own.values() if body.mass > 0.0]
+    size = max(size_of(d), spread, *wide)
+    away = {
+        name: float(np.linalg.norm(position[i] + rotation[i] @ own[name][0].com - own[name][1]))
+        for i, name in enumerate(names)
+        if name in own
+    }
+    farthest = max(away, key=lambda name: away[name])
+    if not away[farthest] > MOVED * size:
+        return []
+    return [
+        f'the start is far from the drawing: "{farthest}" begins {away[farthest]:.4g} m from where it is drawn, and '
+        f"the drawing measures {size:.4g} m; draw the bodies where the motion starts, or check the values of the drives"
+    ]
+
+
 def _counted(report: dict[str, Any]) -> list[str]:
     """Degrees of freedom, redundancy and its remedies."""
     words = [f"degrees of freedom: {report['mobility']}"]
@@ -115,6 +159,6 @@ def _counted(report: dict[str, Any]) -> list[str]:
     if report["geometric_errors"]:
         words.append(f"geometric error: {report['geometric_error']:.2e} (radians, and fractions of the size)")
     if report["remedies"]:
-        remedies = ", ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["remedies"])
-        words.append(f"  remedy: with {remedies} replaced nothing is redundant, and nothing else moves")
+        remedies = " and ".join(f"{x['is']} {x['joint']} by {x['by']}" for x in report["remedies"])
+        words.append(f"  remedy: replace {remedies}; then nothing is redundant, and nothing else moves")
     return words

@@ -360,7 +360,6 @@ def simulate(
     atol: float = 1e-10,
     method: str = "dop853",
     coordinates: str = "relative",
-    events: Iterable[Any] = (),
     progress: Any = False,
     correction: str = "partition",
     switch_threshold: float = 1.25,
@@ -388,7 +387,6 @@ def simulate(
             to 10: two evaluations a step, for long smooth motions of large mechanisms; it begins anew at each switch of
             coordinates).
         coordinates: "relative" or "absolute", as in `compile`.
-        events: not supported by this version; anything but an empty sequence raises `ArgumentError`.
         progress: True: a progress bar on the terminal with the rate and the remaining time (needs tqdm); or a function
             of the completed fraction, 0 to 1.
         correction: how the closure error is removed after each step: "partition" (moves only dependent coordinates),
@@ -442,7 +440,6 @@ def simulate(
         rtol=rtol,
         atol=atol,
         method=method,
-        events=events,
         correction=correction,
         switch_threshold=switch_threshold,
         step=step,

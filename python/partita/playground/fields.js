@@ -245,7 +245,7 @@ class Fields {
         this.field(home, `${drive.name}: times as fast`, "", () => motion.rates[i].factor, (x) => motion.pace(i, x), [0, 3]);
       } else {
         const x = drive.value, wide = Math.max(Math.abs(x), 1), set = (value) => motion.prescribe(i, value);
-        const unit = drive.level === "position" ? "" : "/s";
+        const unit = drive.level === "position" ? drive.unit : `${drive.unit || "1"}/s`;
         this.field(home, `${drive.name}: ${drive.level}`, unit, () => motion.rates[i].value, set, [x - 2 * wide, x + 2 * wide]);
       }
     });

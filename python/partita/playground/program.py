@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..builder.compiled import CompiledModel
+from ..builder.measures import measure_unit
 from ..builder.records import Description, SpringRecord
 from ..builder.values import Constant
 from ..errors import DescriptionError
@@ -92,6 +93,7 @@ def held(description: Description, compiled: CompiledModel, t: float) -> tuple[D
                 "name": name,
                 "row": rows[number],
                 "level": drive["level"],
+                "unit": measure_unit(description, drive["measure"]),
                 "value": value,
                 "recorded": recorded,
                 **table,

@@ -37,7 +37,7 @@ from .series import (
     draw_sensor,
     draw_velocities,
 )
-from .style import Canvas, headline, new_figure
+from .style import Canvas, headline, new_figure, seal
 
 __all__ = [
     "figure_path",
@@ -141,6 +141,7 @@ def plot(
             part.draw(result, figure.add_subfigure(cells[n]), wanted)
     if not figure.get_suptitle():
         headline(result, figure)
+    seal(result, figure)
     return _saved(figure, path)
 
 
@@ -200,6 +201,7 @@ def plot_joint(result: ResultView, name: str, path: PathLike | None = None, *, a
     checked_run(result)
     figure = new_figure(11.0, JOINT_HEIGHT)
     draw_joint(result, name, figure, axes)
+    seal(result, figure)
     return _saved(figure, path)
 
 

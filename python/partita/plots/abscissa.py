@@ -13,7 +13,7 @@ from ..errors import ArgumentError
 from ..naming import coordinate_units, index_of, joint_units
 from ..numeric import shown
 from ..result_view import FEW, ResultView, turn_between_outputs
-from .style import plain, shortened
+from .style import plain
 
 FloatArray = NDArray[np.float64]
 
@@ -74,9 +74,7 @@ def abscissa(result: ResultView, x: Any) -> Abscissa:
     if x is None:
         name, step = turn_between_outputs(result)
         label = (
-            f"time [s]; {shortened(name)} turns {np.degrees(step):.0f} deg between outputs"
-            if step > FEW
-            else "time [s]"
+            f"time [s]; {plain(name)} turns {np.degrees(step):.0f} deg between outputs" if step > FEW else "time [s]"
         )
         return Abscissa(result.t, label, np.zeros(len(result.t), dtype=bool), is_time=True, apart=step > FEW)
     x = getattr(x, "name", x)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from .abscissa import Abscissa
-from .style import COLOURS, legend, shortened
+from .style import COLOURS, legend, wrapped
 
 FloatArray = NDArray[np.float64]
 
@@ -55,8 +55,8 @@ def draw_bundle(
                  for j in drawn if (i in aside) == (j in aside)]  # fmt: skip
         style = (4.0 * sum(alike), (4.0, 5.0)) if any(alike) else "-"
         drawn.append(i)
-        where, label = (right, f"{shortened(labels[i])} (right)") if right is not None and i in aside else (
-            ax, shortened(labels[i]))  # fmt: skip
+        where, label = (right, f"{wrapped(labels[i])} (right)") if right is not None and i in aside else (
+            ax, wrapped(labels[i]))  # fmt: skip
         x.plot(where, values[:, i], ls=style, color=COLOURS[n % len(COLOURS)], lw=1.2, label=label)
     legend(ax, len(columns), len(columns) if banded else values.shape[1], "shown", right)
 

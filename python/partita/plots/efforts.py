@@ -9,8 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from ..result_view import least
 from .files import PathLike, save_figure
-from .style import COLOURS, LIMIT, dressed, legend, level, new_figure, plain, shortened
+from .style import COLOURS, LIMIT, dressed, legend, level, new_figure, plain, wrapped
 
 
 class Efforts(Protocol):
@@ -42,10 +43,10 @@ def plot_efforts(found: Efforts, chosen: Sequence[int], path: PathLike | None = 
         own = [i for i in chosen if found.units[i] == unit]
         dressed(ax, "Torques" if unit == "N m" else "Forces", f"effort [{unit}]", time_axis=False)
         for i, colour in zip(own[:LIMIT], COLOURS, strict=False):
-            ax.plot(found.t, found.efforts[:, i], color=colour, linewidth=1.4, label=shortened(found.actuators[i]))
+            ax.plot(found.t, found.efforts[:, i], color=colour, linewidth=1.4, label=wrapped(found.actuators[i]))
             for limit in () if found.limits is None else found.limits[i]:
                 ax.axhline(limit, color=colour, linewidth=0.8, linestyle=":")
-        level(ax, np.nan_to_num(found.efforts[:, own]))
+        level(ax, found.efforts[:, own], least(found.run, unit))
         legend(ax, min(len(own), LIMIT), len(own), "actuators")
     dressed(panels[-1], "Margin of the set", "margin")
     panels[-1].plot(found.t, found.margin, color=COLOURS[0], linewidth=1.4)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
 from ..result_view import ResultView
-from .style import COLOURS, Canvas, dressed, empty, legend, reporting, shortened
+from .style import COLOURS, Canvas, dressed, empty, legend, plain, reporting, wrapped
 
 GREY = "#bbbbbb"
 STRIPS = 6
@@ -28,7 +28,7 @@ def draw_measure(result: ResultView, canvas: Canvas, cell: SubplotSpec) -> None:
     colour = {i: COLOURS[n] for n, i in enumerate(columns)}
     dressed(ax, "", "ρ  (1 = free, 0 = locked)")
     for i in columns:
-        ax.plot(result.t, result.measure[:, i], color=colour[i], lw=1.3, label=shortened(result.names.velocities[i]))
+        ax.plot(result.t, result.measure[:, i], color=colour[i], lw=1.3, label=wrapped(result.names.velocities[i]))
     ax.set_ylim(-0.03, 1.05)
     if not set(np.unique(settled(result.independent)[:, :rows]).tolist()) <= set(columns):
         ax.plot([], [], color=GREY, lw=5, label="others (strip)")
@@ -46,7 +46,7 @@ def _draw_strip(result: ResultView, ax: Axes, colour: dict[int, str], rows: int)
             wide = result.t[-1] > result.t[0] and (end - start) > 0.06 * (result.t[-1] - result.t[0])
             if wide and rows <= 3:
                 ax.text(
-                    (start + end) / 2, rows - row - 0.52, shortened(result.names.velocities[i], 12),
+                    (start + end) / 2, rows - row - 0.52, plain(result.names.velocities[i]),
                     ha="center", va="center", fontsize=7, color="white" if i in colour else "black", clip_on=True,
                 )  # fmt: skip
     k = result.independent.shape[1]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from .files import PathLike, save_figure
-from .style import COLOURS, LIMIT, dressed, empty, new_figure, shortened
+from .style import COLOURS, LIMIT, dressed, empty, new_figure, wrapped
 
 MOST = 12
 """Modes with a bar of their own."""
@@ -80,7 +80,7 @@ def _shares(ax: Axes, found: ModesView, of: str, kind: str, count: int) -> None:
     rows = np.arange(count)
     for name, colour in zip(first, COLOURS, strict=False):
         width = np.array([one[name] for one in shares])
-        ax.barh(rows, width, left=left, height=0.7, color=colour, label=shortened(name))
+        ax.barh(rows, width, left=left, height=0.7, color=colour, label=wrapped(name))
         left += width
     others = np.array([sum(one.values()) for one in shares]) - left
     if len(total) > len(first):

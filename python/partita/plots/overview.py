@@ -9,7 +9,7 @@ from .abscissa import Abscissa, abscissa, crank
 from .measure import draw_measure
 from .reactions import draw_loads
 from .series import draw_accelerations, draw_balance, draw_closure, draw_coordinates, draw_velocities
-from .style import Canvas, headline, shortened
+from .style import Canvas, headline, plain
 
 ROW = 3.0
 """Height of a row of panels, in inches."""
@@ -35,7 +35,7 @@ def draw_overview(result: ResultView, canvas: Canvas, x: Abscissa) -> None:
         draw_velocities(result, panels[0], angle)
         notes.add(draw_loads(result, panels[1], "force", angle))
         for ax, word in zip(panels, ("Velocities", "Forces of the joints"), strict=True):
-            ax.set_title(f"{word} over the angle of {shortened(turning)}", loc="left", fontsize=10, fontweight="bold")
+            ax.set_title(f"{word} over the angle of {plain(turning)}", loc="left", fontsize=10, fontweight="bold")
     draw_measure(result, canvas, grid[-1, 0])
     solver = GridSpecFromSubplotSpec(1, 2, grid[-1, 1])
     draw_closure(result, canvas.add_subplot(solver[0]))

@@ -14,7 +14,7 @@ from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
 from ..result_view import ResultView
-from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, shortened
+from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, plain, wrapped
 
 FloatArray = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def draw_paths(result: ResultView, canvas: Canvas, points: Mapping[str, Any] | N
     across, up, words = _plane(np.concatenate([found[name] for name in moving]))
     for n, name in enumerate(moving):
         x, y = found[name] @ across, found[name] @ up
-        ax.plot(x, y, color=COLOURS[n], lw=1.3, label=shortened(name))
+        ax.plot(x, y, color=COLOURS[n], lw=1.3, label=wrapped(name))
         ax.plot(x[:1], y[:1], "o", color=COLOURS[n], ms=4)
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.06)
@@ -97,7 +97,7 @@ def draw_bearings(result: ResultView, canvas: Canvas) -> None:
         unique = bool(joint.determined[:2].all())
         x, y = joint.force[:, 0], joint.force[:, 1]
         ax.plot(np.arctan2(y, x), np.hypot(x, y), "-" if unique else "--", color=COLOURS[n], lw=1.2)
-        ax.set_title(f"{shortened(name)} [N]{'' if unique else ', not unique'}", fontsize=10, fontweight="bold")
+        ax.set_title(f"{plain(name)} [N]{'' if unique else ', not unique'}", fontsize=10, fontweight="bold")
         ax.tick_params(labelsize=7)
         ax.grid(True, color="#dddddd", linewidth=0.6)
         ax.yaxis.set_major_locator(MaxNLocator(4))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..numeric import shown
 from .files import PathLike, save_figure
-from .style import new_figure, plain, shortened
+from .style import new_figure, plain
 
 FloatArray = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def plot_position(
     names = {name: place for name, place in picture.labels.items() if name}
     shift = 0.012 * (picture.across[1] - picture.across[0])
     for name, (x, y) in list(names.items())[:MOST_NAMES]:
-        axes.annotate(shortened(name), (x + shift, y + shift), fontsize=8, color="#1d2730")
+        axes.annotate(plain(name), (x + shift, y + shift), fontsize=8, color="#1d2730")
     axes.set_title(plain(title), loc="left", fontsize=10, fontweight="bold")
     axes.set_xlabel(f"{_named(picture.axes[0])} [m]", fontsize=9)
     axes.set_ylabel(f"{_named(picture.axes[1])} [m]", fontsize=9)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..result_view import ResultView
+from ..result_view import LOAD_UNITS, NEGLIGIBLE, ResultView, least
 from .abscissa import Abscissa, abscissa
-from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, level, shortened
+from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, level, wrapped
 
 PARTS = {"force": (slice(0, 3), "Forces of the joints", "|force| [N]"),
          "moment": (slice(3, 6), "Moments of the joints", "|moment| [N m]")}  # fmt: skip
@@ -31,8 +31,7 @@ def carries(result: ResultView, key: str) -> bool:
     """Whether any joint has a force, or a moment, above rounding."""
     if not result.names.joints:
         return False
-    most, force = (float(np.nanmax(np.abs(result.at_once.reactions[what]), initial=0.0)) for what in (key, "force"))
-    return most > 1e-11 * max(1.0, force)
+    return float(np.nanmax(np.abs(result.at_once.reactions[key]), initial=0.0)) > least(result, LOAD_UNITS[key])
 
 
 def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None) -> str:
@@ -48,23 +47,23 @@ def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None
     if not result.names.joints:
         empty(ax, "no joints")
         return ""
-    size = np.linalg.norm(result.at_once.reactions[key], axis=2)
+    size, small = np.linalg.norm(result.at_once.reactions[key], axis=2), least(result, LOAD_UNITS[key])
     peak = np.nanmax(size, axis=0, initial=0.0)
     if not carries(result, key):
         empty(ax, f"no joint carries a {key}")
         return ""
     own = np.einsum("tjab,tja->tjb", result.at_once.reactions["joint_rotation"], result.at_once.reactions[key])
     along = np.asarray(result.at_once.determined[1].all(axis=0), dtype=bool)
-    openly = np.nanmax(np.abs(own) * ~along[:, part], axis=(0, 2), initial=0.0) > 1e-9 * peak
+    openly = np.nanmax(np.abs(own) * ~along[:, part], axis=(0, 2), initial=0.0) > np.maximum(small, NEGLIGIBLE * peak)
     loaded = [int(j) for j in np.argsort(-peak, kind="stable")[:LIMIT]]
-    loaded = sorted(j for j in loaded if peak[j] > 1e-12 * max(peak)) or sorted(loaded)
+    loaded = sorted(j for j in loaded if peak[j] > small) or sorted(loaded)
     everywhere = all(openly[j] for j in loaded)
     for n, j in enumerate(loaded):
         star = " *" if openly[j] and not everywhere else ""
-        name = shortened(result.names.joints[j]) + star
+        name = wrapped(result.names.joints[j]) + star
         x.plot(ax, size[:, j], "--" if openly[j] else "-", color=COLOURS[n], lw=1.2, label=name)
     legend(ax, len(loaded), size.shape[1], "shown")
-    level(ax, size[np.isfinite(size)])
+    level(ax, size, small)
     if not any(openly[j] for j in loaded):
         return ""
     rule = "shared by least squares"

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import shorten
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..naming import coordinate_units
-from ..result_view import ResultView
+from ..result_view import ResultView, least
 from .abscissa import Abscissa, abscissa
 from .bundle import draw_bundle, is_length
-from .style import COLOURS, dressed, empty, legend, level, positive, reporting, shortened, unit_label
+from .style import COLOURS, dressed, empty, legend, level, plain, positive, reporting, unit_label
 
 MOST_TURNS = 3.0
 """A coordinate that makes more turns is named, not drawn, beside others that do not."""
@@ -30,11 +31,10 @@ def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) ->
         turning = []
     _draw(result, ax, x, "Coordinates", "q", result.q, columns, labels, units, turning)
     if turning:
-        turns = [f"{shortened(labels[i], 12)} {np.ptp(result.q[:, i]) / (2.0 * np.pi):.0f}" for i in turning[:3]]
+        turns = [f"{labels[i]} {np.ptp(result.q[:, i]) / (2.0 * np.pi):.0f}" for i in turning[:3]]
         more = f" and {len(turning) - 3} more" if len(turning) > 3 else ""
-        words = f"not drawn, turns: {', '.join(turns)}{more}"
-        paper = {"fc": "white", "ec": "none", "alpha": 0.8, "pad": 1.0}
-        ax.text(0.01, 0.99, words, transform=ax.transAxes, va="top", fontsize=7, color="#555555", bbox=paper)
+        words = shorten(f"not drawn, turns: {', '.join(turns)}{more}", 60, placeholder=" …")
+        ax.set_title(plain(words), loc="right", fontsize=7, color="#555555")
 
 
 def draw_velocities(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
@@ -70,7 +70,7 @@ def _draw(
     draw_bundle(ax, x, values, columns, labels, units, left_out, right)
     for panel, own in ((ax, rest), (right, lengths)):
         if panel is not None:
-            level(panel, values[:, own][np.isfinite(values[:, own])])
+            level(panel, values[:, own], least(result, units[own[0]]) if own else 0.0)
 
 
 def _widest(result: ResultView) -> list[int]:
@@ -89,6 +89,7 @@ def draw_sensor(result: ResultView, name: str, ax: Axes, x: Abscissa | None = No
     labels = "xyz" if columns.shape[1] == 3 else [str(i) for i in range(columns.shape[1])]
     for i in range(min(columns.shape[1], len(COLOURS))):
         x.plot(ax, columns[:, i], color=COLOURS[i], lw=1.2, label=labels[i])
+    level(ax, columns, least(result, read.unit))
     if columns.shape[1] > 1:
         legend(ax, min(columns.shape[1], len(COLOURS)), columns.shape[1], "components")
 
@@ -113,7 +114,7 @@ def draw_closure(result: ResultView, ax: Axes) -> None:
 
 def draw_balance(result: ResultView, ax: Axes) -> None:
     """Energy imbalance relative to the energy exchanged."""
-    dressed(ax, "Energy balance", "imbalance / exchanged energy")
+    dressed(ax, "Energy balance", "")
     if not result.has_energy:
         empty(ax, "a System given by matrices has no known energy")
         return
@@ -122,10 +123,7 @@ def draw_balance(result: ResultView, ax: Axes) -> None:
     ax.set_yscale("log")
     ax.plot(result.t, positive(energy.balance / scale), color=COLOURS[2], lw=1.0)
     ax.set_ylim(1e-17, max(10 * energy.relative_balance, 1e-13))
-    ax.annotate(
-        f"exchanged: {energy.scale:.3g} J", (0.99, 0.97), xycoords="axes fraction", ha="right", va="top", fontsize=8,
-        color="#555555",
-    )  # fmt: skip
+    ax.set_ylabel(f"imbalance, of {energy.scale:.3g} J", fontsize=9)
 
 
 def draw_energy(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
@@ -142,4 +140,5 @@ def draw_energy(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None
     for (label, values), colour in zip(lines, COLOURS, strict=False):
         x.plot(ax, values, color=colour, lw=1.8 if label == "total" else 1.2, label=label)
     x.dress(ax)
+    level(ax, np.array([values for _, values in lines]), least(result, "J"))
     legend(ax, 4, 4, "energies")

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
-from ..result_view import ResultView
+from ..result_view import ResultView, given
 
 Canvas = Figure | SubFigure
 
 COLOURS = ("#1f6fb4", "#d95f02", "#1b9e77", "#b03060", "#7570b3", "#a6761d", "#e7298a", "#4d4d4d")
 LIMIT = len(COLOURS)
+_PARTS = re.compile(r"[^\s._:,/-]*[\s._:,/-]*")
 _DOLLAR = re.compile(r"(?<!\\)\$")
 FLOOR = 1e-17
 """Drawn instead of an exact zero on a logarithmic axis."""
@@ -65,9 +67,21 @@ def plain(text: str) -> str:
     return _DOLLAR.sub(r"\\$", text)
 
 
-def shortened(name: str, limit: int = 18) -> str:
-    """`name` cut in the middle, for legends; drawn as it is."""
-    return plain(name if len(name) <= limit else f"{name[: limit // 2]}…{name[-(limit // 2 - 1) :]}")
+def wrapped(name: str, limit: int = 22, rows: int = 4) -> str:
+    """`name` in lines of at most `limit` letters, for legends, broken behind a space or a sign where there is one;
+    drawn as it is. Only of a name that is longer than all `rows` the end is left out."""
+    lines = [""]
+    for part in _PARTS.findall(name):
+        while len(part) > limit:  # without a sign to break at
+            lines.append(part[:limit])
+            part = part[limit:]
+        if len(lines[-1]) + len(part.rstrip()) > limit:
+            lines.append("")
+        lines[-1] += part
+    kept = [line.rstrip() for line in lines if line.strip()]
+    if len(kept) > rows:
+        kept = [*kept[: rows - 1], f"{kept[rows - 1][: limit - 1]}…"]
+    return plain("\n".join(kept))
 
 
 def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -99,21 +113,44 @@ def headline(result: ResultView, canvas: Canvas) -> None:
     canvas.suptitle(plain(f"{result.title}{ending(result)}"), fontsize=12, fontweight="bold", color=colour)
 
 
+def seal(result: ResultView, figure: Figure) -> None:
+    """The verdict on the run, in the upper right corner; the certificate says why. Kinematics and modes have none."""
+    certificate = None if given(result) else getattr(result, "certificate", None)
+    if certificate is None:
+        return
+    verdict = str(certificate.verdict)
+    words = f"run: {verdict}" if verdict == "valid" else f"run: {verdict}, see run.certificate"
+    colour = "#0b6e4f" if verdict == "valid" else "#b3261e"
+    figure.text(0.995, 0.995, words, ha="right", va="top", fontsize=9, fontweight="bold", color=colour)
+
+
 def ending(result: ResultView) -> str:
     """A warning for titles when the run stopped early, else nothing."""
     return "" if result.success else f"  (stopped early: {result.status})"
 
 
 def empty(ax: Axes, why: str) -> None:
-    """A panel with nothing to draw states the reason."""
+    """A panel with nothing to draw has no frame and states the reason, in lines that fit into it."""
     ax.text(
-        0.5, 0.5, plain(why), transform=ax.transAxes, ha="center", va="center", fontsize=9, color="#666666", wrap=True
+        0.5, 0.5, plain(fill(why, 30)), transform=ax.transAxes, ha="center", va="center", fontsize=9, color="#666666"
     )
     ax.set_xticks([])
     ax.set_yticks([])
+    ax.set_xlabel("")
+    ax.set_ylabel("")
+    for spine in ax.spines.values():
+        spine.set_visible(False)
 
 
-def level(ax: Axes, values: NDArray[np.float64]) -> None:
-    """Do not enlarge round-off: around values that are all zero, the axis spans -1 to 1."""
-    if float(np.max(np.abs(values), initial=0.0)) < 1e-12:
-        ax.set_ylim(-1.0, 1.0)
+def level(ax: Axes, values: NDArray[np.float64], least: float) -> None:
+    """Do not enlarge round-off: where values vary by no more than `least`, or the ten-thousandth part of what they are,
+    the axis spans their size, or ten thousand times `least`."""
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return
+    low, high = float(finite.min()), float(finite.max())
+    largest = max(abs(low), abs(high))
+    if high - low > max(least, 1e-4 * largest):
+        return
+    spare = max(largest, 1e4 * least) or 1.0
+    ax.set_ylim(low - 0.5 * spare, high + 0.5 * spare)

@@ -121,6 +121,7 @@ class _Meaning:
             made += self.slide(slide)
         for node in drawing.nodes:
             made += self.pins(node.id)
+        made += self.planes()
         made += [self.spring(spring) for spring in drawing.springs]
         return made + [self.motor(motor) for motor in drawing.motors]
 
@@ -183,6 +184,27 @@ class _Meaning:
                 named["child_point"] = _three(self.on(bar, node))
             made.append(Call("add_revolute", (name, parent, bar.name), named))
         return made
+
+    def planes(self) -> list[Call]:
+        """A joint to the plane of the drawing for each group of bodies that nothing joins to the ground."""
+        groups = {GROUND: {GROUND}} | {bar.name: {bar.name} for bar in self.drawing.bars}
+        groups |= {(block := self.block(slide)): {block} for slide in self.drawing.slides}
+
+        def join(one: str, other: str) -> None:
+            both = groups[one] | groups[other]
+            for body in both:
+                groups[body] = both
+
+        for slide in self.drawing.slides:
+            join(self.block(slide), GROUND if slide.along is None else self.bars[slide.along].name)
+        for node in self.nodes:
+            for bar in self.at[node]:
+                join(self.hub(node)[0], bar.name)
+        first = dict[int, str]()
+        for body, group in groups.items():
+            if GROUND not in group:
+                first.setdefault(id(group), body)
+        return [Call("add_planar", (f"plane of {body}", GROUND, body)) for body in first.values()]
 
     def spring(self, spring: Spring) -> Call:
         ends = []

@@ -9,8 +9,8 @@ const ON_BAR = 1e-6; // of a bar's length: a point no farther from its line is o
 const DIRECTIONS_APART = Math.PI / 12; // slides lie at multiples of this
 
 const HINTS = {
-  select: "Drag a point or a bar to move it; drag beside it to move the view. A point dropped on another becomes one with it.",
-  bar: "Press where the bar begins, drag to where it ends. Bars that share a point are pinned there.",
+  select: "Drag a point or a bar to move it; drag beside it to move the view. A point dropped on another, or on a bar, is pinned to it.",
+  bar: "Press where the bar begins, drag to where it ends. An end on a point or a bar is pinned to it.",
   pin: "Click a bar, or where bars cross: they are pinned there.",
   ground: "Click a point, a bar or an empty place: it is held by the ground. Again: it is free.",
   slide: "Press at a point and drag along the direction in which it slides, or to the bar along which it slides.",
@@ -84,12 +84,15 @@ function choose(name) {
 }
 for (const button of document.querySelectorAll("#tools [data-tool]")) button.addEventListener("click", () => choose(button.dataset.tool));
 
-/** Where the pointer means: a node, a point of bars, or a point of the grid. */
+/** Where the pointer means: a node, a point of bars, or a point of the grid; a point that is drawn upon a node is that node. */
 function aimed(x, y, near, except = null) {
   const node = picture.nodeAt(x, y, near, except);
   if (node) return { node, at: [node.x, node.y] };
   const bars = picture.barsAt(x, y, 0.7 * near).filter(({ bar }) => !sketch.nodesOf(bar).includes(except));
-  return bars.length ? onBars(bars, near) : { at: picture.snapped(picture.at(x, y)) };
+  const found = bars.length ? onBars(bars, near) : { at: picture.snapped(picture.at(x, y)) };
+  const p = picture.pixel(found.at), there = picture.nodeAt(p.x, p.y, PIN), under = found.bars ? [] : picture.barsAt(p.x, p.y, ROD);
+  if (there) return { node: there, at: [there.x, there.y] };
+  return under.length ? onBars(under, ROD) : found;
 }
 
 /** The crossing of the nearest bars, if it is near, else the foot on the nearest; with all bars that pass there. */
@@ -112,7 +115,9 @@ function endLine(from, to) {
   change(() => {
     const a = nodeFor(from), b = nodeFor(to);
     if (a.id === b.id) return;
-    picture.selected = (tool === "spring" ? sketch.addSpring(a.id, b.id) : sketch.addBar(a.id, b.id)).id;
+    const made = tool === "spring" ? sketch.addSpring(a.id, b.id) : sketch.addBar(a.id, b.id);
+    if (tool === "bar") pinUnder([made]);
+    picture.selected = made.id;
   });
 }
 
@@ -173,7 +178,7 @@ function grab(x, y, near) {
   picture.selected = found ? found.id : null;
   if (!found) return null;
   const nodes = { nodes: [found.id], bars: [found.a, found.b], slides: [found.node] }[sketch.tableOf(found.id)] || [];
-  return { nodes, from: nodes.map((id) => [sketch.node(id).x, sketch.node(id).y]), at, moved: false, future: [] };
+  return { nodes, from: nodes.map((id) => [sketch.node(id).x, sketch.node(id).y]), at, moved: false, future: [], before: "" };
 }
 
 function drag(x, y) {
@@ -181,6 +186,7 @@ function drag(x, y) {
   if (!grabbed.nodes.length || (!grabbed.moved && Math.hypot(dx, dy) * picture.camera.scale < CLICK)) return;
   if (!grabbed.moved) {
     grabbed.future = sketch.future;
+    grabbed.before = JSON.stringify(sketch.data);
     sketch.remember();
     grabbed.moved = true;
   }
@@ -192,16 +198,53 @@ function drag(x, y) {
   link.changed();
 }
 
+/** Pin bars to the nodes nearer than so many pixels to them, over which they were drawn or moved. */
+function pinUnder(bars, near = ROD) {
+  for (const bar of bars) {
+    for (const node of sketch.data.nodes) {
+      const p = picture.pixelOf(node.id), q = picture.pixel(sketch.nearestOn(bar, node.x, node.y));
+      if (Math.hypot(p.x - q.x, p.y - q.y) < near && !sketch.holds(bar, node.id)) bar.more.push(node.id);
+    }
+  }
+}
+
+/**
+ * Pin what came to lie upon each other as nodes were moved, from a drawing `before` as text: a node to the node or bar under
+ * it, bars to nodes that they were moved over; nodes on bars went along. `meant`: a node that the one moved is to become as
+ * well, though it is farther away. `exact`: only what lies there to round-off, however small it is seen. Returns why two
+ * points that look like one cannot be, else nothing.
+ */
+function joinMoved(ids, before, meant = null, exact = false) {
+  const old = new Map(JSON.parse(before).nodes.map((node) => [node.id, node]));
+  const all = sketch.data.nodes.filter(({ id, x, y }) => x !== old.get(id).x || y !== old.get(id).y).map(({ id }) => id);
+  const stays = new Map(all.map((id) => [id, id])); // the node that each has become
+  const [pin, rod] = exact ? [ON_BAR * CELL, ON_BAR * CELL] : [PIN, ROD];
+  for (const id of all) {
+    const p = picture.pixelOf(id), under = picture.nodeAt(p.x, p.y, pin, id), other = under || (ids.includes(id) ? meant : null);
+    const held = other && sketch.barsAt(id).some((bar) => sketch.nodesOf(bar).includes(other.id)); // by a bar that has both
+    const both = other && (ids.includes(id) ? ids.includes(other.id) : held);
+    if (!other || other.id === id || both) continue;
+    const why = sketch.merge(id, other.id);
+    if (!why) stays.set(id, other.id);
+    else if (under) return `${sketch.node(id).name} stays apart from ${other.name}: ${why}.`;
+  }
+  const now = new Set([...stays.values()].filter((id) => sketch.node(id)));
+  for (const id of now) {
+    const p = picture.pixelOf(id);
+    for (const { bar } of picture.barsAt(p.x, p.y, rod)) if (!sketch.holds(bar, id)) sketch.pinTo(id, bar);
+  }
+  pinUnder(sketch.data.bars.filter(({ a, b }) => now.has(a) || now.has(b)), rod);
+  if (picture.selected !== null && !sketch.find(picture.selected)) picture.selected = stays.get(picture.selected) ?? null;
+  return "";
+}
+
 function drop(x, y, near) {
   if (!grabbed.moved) { grabbed = null; refresh(); return; }
-  const [id] = grabbed.nodes, other = grabbed.nodes.length === 1 ? picture.nodeAt(x, y, near, id) : null;
-  if (other) {
-    const why = sketch.merge(id, other.id), p = picture.pixelOf(other.id), q = why && picture.pixelOf(id);
-    if (!why) picture.selected = sketch.find(picture.selected) ? picture.selected : other.id;
-    else if (Math.hypot(p.x - q.x, p.y - q.y) < CLICK) { // two points that look like one
-      sketch.move(id, grabbed.from[0]);
-      $("hint").textContent = `${sketch.node(id).name} stays apart from ${other.name}: ${why}.`;
-    }
+  const { nodes, before } = grabbed, alone = nodes.length === 1;
+  const why = joinMoved(nodes, before, alone ? picture.nodeAt(x, y, near, nodes[0]) : null);
+  if (why) {
+    sketch.data = JSON.parse(before);
+    $("hint").textContent = why;
   }
   letGo();
   refresh();
@@ -302,8 +345,8 @@ function fieldsOf(id, table) {
   const put = (key, rule, words = key) => (x) => rule(words, x, () => { now()[key] = x; });
   const mass = () => field("mass", "kg", () => now().mass, put("mass", above));
   if (table === "nodes") {
-    return [field("x", "m", () => now().x, (x) => change(() => sketch.move(id, [x, now().y]))),
-      field("y", "m", () => now().y, (y) => change(() => sketch.move(id, [now().x, y])))];
+    return [field("x", "m", () => now().x, (x) => moveNodes([id], ({ y }) => [x, y], "", true)),
+      field("y", "m", () => now().y, (y) => moveNodes([id], ({ x }) => [x, y], "", true))];
   }
   if (table === "bars") {
     return [field("length", "m", () => sketch.lengthOf(now()), put("length", above)), mass()];
@@ -360,7 +403,12 @@ function step(to) {
 $("undo").addEventListener("click", () => step(() => sketch.undo()));
 $("redo").addEventListener("click", () => step(() => sketch.redo()));
 $("remove").addEventListener("click", () => { if (picture.selected !== null) change(() => sketch.remove(picture.selected)); });
-$("clear").addEventListener("click", () => { change(() => { sketch.data = structuredClone(empty); }); showGravity(); });
+$("clear").addEventListener("click", () => {
+  change(() => { sketch.data = structuredClone(empty); });
+  showGravity();
+  picture.resetView();
+  picture.draw();
+});
 $("reset").addEventListener("click", () => { picture.resetView(); picture.draw(); });
 
 async function showText(kind) {
@@ -440,12 +488,19 @@ document.addEventListener("keydown", (event) => {
 function nudge([dx, dy]) {
   const one = picture.selected === null ? null : sketch.find(picture.selected), table = one && sketch.tableOf(one.id), by = picture.cell / 2;
   if (table !== "nodes" && table !== "bars") { picture.camera.move(-24 * dx, 24 * dy); picture.touched = true; picture.draw(); return; }
+  moveNodes(table === "nodes" ? [one.id] : [one.a, one.b], ({ x, y }) => [x + by * dx, y + by * dy], `nudge ${one.id}`);
+}
+
+/** Move nodes to where `to` puts them; all of it stays as it was where that would lay points upon each other that cannot be one. */
+function moveNodes(ids, to, word = "", exact = false) {
+  let why = "";
   change(() => {
-    for (const id of table === "nodes" ? [one.id] : [one.a, one.b]) {
-      const { x, y } = sketch.node(id);
-      sketch.move(id, [x + by * dx, y + by * dy]);
-    }
-  }, `nudge ${one.id}`);
+    const before = JSON.stringify(sketch.data);
+    for (const id of ids) sketch.move(id, to(sketch.node(id)));
+    why = joinMoved(ids, before, null, exact);
+    if (why) sketch.data = JSON.parse(before);
+  }, word);
+  if (why) $("hint").textContent = why;
 }
 
 // ---- start

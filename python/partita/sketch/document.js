@@ -205,6 +205,19 @@ class Sketch {
     return "";
   }
 
+  /** Whether a bar has a node already: as a point of it, or sliding along it. */
+  holds(bar, id) {
+    const slide = this.slideAt(id);
+    return this.nodesOf(bar).includes(id) || (slide !== null && slide.along === bar.id);
+  }
+
+  /** Pin a node to a bar that it lies on. */
+  pinTo(id, bar) {
+    const { x, y } = this.node(id);
+    bar.more.push(id);
+    this.move(id, [x, y]);
+  }
+
   /** Take up where the nodes are once the loops are closed: bars then have the lengths that were asked for. */
   close(nodes) {
     for (const node of this.data.nodes) {

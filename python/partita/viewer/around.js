@@ -4,7 +4,7 @@
 function drawAround(scene, painter, frame) {
   const { run } = scene, s = run.scene;
   for (const { body, points, normal } of s.floors) {
-    drawFloor(painter, points.map((p) => run.placed(frame, body, p)), run.turned(frame, body, normal), 3.4 * scene.radius);
+    drawFloor(painter, points.map((p) => run.placed(frame, body, p)), run.turned(frame, body, normal), body < 0 ? 3.4 * scene.radius : 0);
   }
   for (const { body, part } of s.parts) drawSolids(scene, painter, frame, body, [part]);
   for (const { body, points } of s.stops) {
@@ -16,7 +16,7 @@ function drawAround(scene, painter, frame) {
   }
 }
 
-/** A plane that is touched: hatched where it is seen from the side, else a sheet with a rim. */
+/** A plane that is touched: seen from the side a line, hatched where it is the ground (`size` above 0), else a sheet with a rim. */
 function drawFloor(painter, corners, normal, size) {
   const ring = corners.map((corner) => painter.camera.project(corner));
   if (ring.includes(null)) return;
@@ -37,7 +37,7 @@ function drawFloor(painter, corners, normal, size) {
   // Strokes of the hatching lie to the right of its direction, which is the side away from the normal.
   const down = { x: -dot(normal, painter.camera.right), y: dot(normal, painter.camera.up) };
   const [p, q] = ends, side = (q.x - p.x) * down.y - (q.y - p.y) * down.x;
-  painter.push(-Infinity, () => painter.ground(side > 0 ? p : q, side > 0 ? q : p, size * p.s));
+  painter.push(-Infinity, () => (size > 0 ? painter.ground(side > 0 ? p : q, side > 0 ? q : p, size * p.s) : painter.line([p, q], COLOURS.ground, 1.6)));
 }
 
 /** Marks at a joint: an arrow around a hinge or along a slide that is driven, a spiral for a torsion spring. */

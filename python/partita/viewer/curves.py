@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..naming import coordinate_units
-from ..result_view import ResultView, given
+from ..result_view import LOAD_UNITS, NEGLIGIBLE, ResultView, given
 
 FloatArray = NDArray[np.float64]
 
@@ -26,7 +26,9 @@ def curves(result: ResultView) -> tuple[list[dict[str, Any]], list[int], dict[st
         for i, drive in enumerate(pushed)
     ]
     known = not given(result)
-    found += [_load(result, name, what, unit) for name in result.names.joints for what, unit in LOADS if known]
+    found += [
+        _load(result, name, what, unit) for name in result.names.joints for what, unit in LOAD_UNITS.items() if known
+    ]
     for number, about in enumerate(result.summary.get("sensors", ())):
         values = np.asarray(result.sensor(about["name"]).values, dtype=float).reshape(len(result.t), -1)
         tables[f"sensor{number}"] = values[:, :MOST_LINES]
@@ -60,7 +62,6 @@ def efforts(result: ResultView) -> tuple[list[dict[str, Any]], FloatArray]:
     return found, np.array(columns, dtype=float).reshape(-1, len(result.t)).T
 
 
-LOADS = (("force", "N"), ("moment", "N m"))
 ENERGIES = (("kinetic", "kinetic"), ("potential", "potential"), ("total", "energy"))
 
 
@@ -131,7 +132,7 @@ def loads_open(result: ResultView, name: str) -> list[bool]:
     found = []
     for values, flags in ((joint.force, joint.determined[:3]), (joint.moment, joint.determined[3:])):
         size = float(np.nanmax(np.abs(values), initial=0.0))
-        found.append(bool(np.nanmax(np.abs(values[:, ~flags]), initial=0.0) > 1e-9 * size))
+        found.append(bool(np.nanmax(np.abs(values[:, ~flags]), initial=0.0) > NEGLIGIBLE * size))
     return found
 
 

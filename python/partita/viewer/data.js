@@ -166,6 +166,8 @@ function withUnit(value, unit) {
   return prefix === undefined ? `${value.toExponential(0).replace("e+", "e")} ${unit}` : `${Math.round(value / 10 ** (3 * power))} ${prefix}${unit}`;
 }
 
+const NEGLIGIBLE = 1e-9; // of the scale of its unit in the run (result_view.py): a smaller value is round-off
+
 /** The largest magnitude among finite numbers. */
 function largest(line) {
   let most = 0;

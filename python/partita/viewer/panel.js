@@ -16,6 +16,12 @@ const READOUTS = [
 /** A bar of the list: its name, a reading {part, text} of a frame, and the velocity it stands for, if any. */
 const entry = (name, read, velocity) => ({ name, read, velocity });
 
+/** A reading of a line: its magnitude in the largest one, zero where it is round-off. */
+function magnitude(line, least, unit) {
+  const most = largest(line), value = (f) => (Math.abs(line[f]) < least ? 0 : line[f]);
+  return (f) => ({ part: most > least ? Math.abs(value(f)) / most : 0, text: short(value(f), 3), unit });
+}
+
 class Panel {
   constructor(run, jumpTo) {
     this.run = run;
@@ -66,11 +72,12 @@ class Panel {
   transmission() {
     const { drives, velocities } = this.run.scene, line = (i) => this.lineOf(`velocity of ${velocities[i]}`);
     const single = drives.length === 1 && drives[0].velocity !== null ? line(drives[0].velocity) : null;
-    const ranked = velocities.map((_, i) => line(i)), still = single ? 1e-9 * largest(single) : 0;
+    const ranked = velocities.map((_, i) => line(i)), still = single ? NEGLIGIBLE * largest(single) : 0;
     return velocities.map((name, i) => {
       if (!ranked[i] || (single && i === drives[0].velocity)) return null;
-      const { unit } = this.curveOf.get(`velocity of ${name}`);
-      const value = (f) => (single ? (Math.abs(single[f]) > still ? ranked[i][f] / single[f] : NaN) : ranked[i][f]);
+      const { unit } = this.curveOf.get(`velocity of ${name}`), least = this.negligible(unit);
+      const own = (f) => (Math.abs(ranked[i][f]) < least ? 0 : ranked[i][f]);
+      const value = (f) => (single ? (Math.abs(single[f]) > still ? own(f) / single[f] : NaN) : own(f));
       const most = largest(ranked[i].map((_, f) => value(f)));
       return entry(name, (frame) => {
         const x = value(frame);
@@ -83,9 +90,9 @@ class Panel {
   coordinates() {
     return this.run.scene.curves.filter((curve) => curve.group === "coordinates").map(({ name, unit }) => {
       const line = this.lineOf(name), finite = line.filter(Number.isFinite);
-      const low = Math.min(...finite), high = Math.max(...finite);
+      const low = Math.min(...finite), high = Math.max(...finite), least = this.negligible(unit);
       return entry(name, (frame) => (
-        { part: high > low ? (line[frame] - low) / (high - low) : 0, text: short(line[frame], 3), unit }));
+        { part: high - low > least ? (line[frame] - low) / (high - low) : 0, text: short(line[frame], 3), unit }));
     });
   }
 
@@ -102,16 +109,20 @@ class Panel {
     const { drives, velocities } = this.run.scene, home = document.getElementById("efforts");
     home.hidden = !drives.length;
     this.efforts = drives.flatMap((drive, i) => {
-      const effort = this.lineOf(`effort of ${drive.name}`), most = largest(effort), open = drive.open ? " (not unique)" : "";
-      const rows = [entry(drive.name, (f) => ({ part: Math.abs(effort[f]) / (most || 1), text: short(effort[f], 3), unit: drive.unit + open }))];
+      const effort = this.lineOf(`effort of ${drive.name}`), least = this.negligible(drive.unit);
+      const rows = [entry(drive.name, magnitude(effort, least, drive.unit))];
       const rate = drive.velocity === null ? null : this.lineOf(`velocity of ${velocities[drive.velocity]}`);
       if (rate) {
-        const power = effort.map((x, f) => x * rate[f]), top = largest(power);
-        rows.push(entry("power", (f) => ({ part: Math.abs(power[f]) / (top || 1), text: short(power[f], 3), unit: "W" })));
+        rows.push(entry("power", magnitude(effort.map((x, f) => x * rate[f]), this.negligible("W"), "W")));
       }
       return rows;
     }).map((each) => this.row(each, home));
+    const open = drives.filter((drive) => drive.open).map(({ name }) => name);
+    if (open.length) home.append(element("p", "legend", `Not unique, shared by least squares: ${open.join(", ")}.`));
   }
+
+  /** A smaller value of a unit is round-off. */
+  negligible(unit) { return NEGLIGIBLE * (this.run.scene.scales[unit] || 0); }
 
   /** Coordinates in order of interest: those most often independent, then those whose measure varies most. */
   byImportance() {

@@ -158,7 +158,7 @@ function bindTools() {
 // ---- keyboard
 
 function onKey(e) {
-  if (e.ctrlKey || e.metaKey || e.altKey) return;
+  if (e.ctrlKey || e.metaKey || e.altKey || byId("certificate").open) return;
   const tag = e.target.tagName;
   if (e.target.type === "search") return;
   const control = ["BUTTON", "SELECT", "SUMMARY"].includes(tag) || e.target.type === "checkbox";
@@ -251,12 +251,33 @@ function bindPointer() {
 
 // ---- start
 
+const NARROW = 500, FEW_NAMES = 10; // pixels of a phone; joints whose names have room there
+const SEALS = { valid: "✓ valid", suspect: "? suspect", invalid: "✕ invalid" };
+
+/** The verdict on the run in the header, which opens the certificate; a position has none. */
+function showSeal() {
+  const { verdict, certificate } = run.scene, seal = byId("seal"), dialog = byId("certificate");
+  if (!verdict) return;
+  seal.hidden = false;
+  seal.textContent = SEALS[verdict];
+  seal.dataset.verdict = verdict;
+  dialog.querySelector("pre").textContent = certificate;
+  byId("trust").hidden = false;
+  for (const [name, words] of run.scene.trust) {
+    if (name) byId("trust").querySelector("dl").append(element("dt", "", name), element("dd", "", words));
+    else byId("trust").append(element("p", "", words));
+  }
+  seal.addEventListener("click", () => dialog.showModal());
+  byId("close").addEventListener("click", () => dialog.close());
+}
+
 function start() {
   const s = run.scene;
   if (s.warning) {
     byId("warning").textContent = s.warning;
     byId("warning").hidden = false;
   }
+  showSeal();
   const notes = [];
   if (s.frames < s.outputs) {
     notes.push(`${s.frames} of ${s.outputs} computed outputs are kept in this page, to keep the file small; between them no joint`
@@ -278,6 +299,7 @@ function start() {
   document.querySelector("footer").hidden = run.frames < 2 && !notes.length; // one position has no time
   const bare = /[?&]bare\b/.test(location.search);
   document.documentElement.classList.toggle("bare", bare);
+  if (canvas.clientWidth < NARROW && s.joints.length > FEW_NAMES) scene.options.names = false; // they would cover the drawing
   if (bare) Object.assign(scene.options, { names: false, whole: true }); // nothing to switch them by
   fillSpeeds();
   fillTicks();
@@ -294,20 +316,24 @@ function start() {
   const resized = () => { scene.resize(); findCovered(); scene.draw(frame); panel.bars(frame); plots.draw(frame); };
   new ResizeObserver(resized).observe(canvas);
   findCovered();
-  // A page opened as run.html#t=1.5 begins there; with #play it begins to move; as run.html?bare it is the drawing alone.
+  // A page begins to move; opened as run.html#t=1.5 or #still it rests, with #t=1.5&play it moves from there; as
+  // run.html?bare it is the drawing alone.
   // No element has the id "play": a browser would scroll to it, and pages around this one with it.
   const at = /[#&]t=([0-9.eE+-]+)/.exec(location.hash);
   show(at ? run.frameAt(Number(at[1])) : 0);
-  if (/[#&]play\b/.test(location.hash) && !window.matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
+  const moves = /[#&]play\b/.test(location.hash) || !(at || /[#&]still\b/.test(location.hash));
+  if (moves && !window.matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
 }
 
 /** For programs that hold this page: go to a time, play, ask what is written where. */
 window.partita = {
-  show: (t) => show(run.frameAt(t)), play, theme: toTheme, frames: run.frames,
-  time: () => run.timeOf(frame), between: (t) => show(run.instantAt(t)), speed: () => speed, playing: () => playing,
+  show: (t) => { play(false); show(run.frameAt(t)); }, play, theme: toTheme, frames: run.frames,
+  time: () => run.timeOf(frame), between: (t) => { play(false); show(run.instantAt(t)); }, speed: () => speed, playing: () => playing,
   written: () => (scene.labels ? scene.labels.written : []),
   covered: () => scene.covered,
   arrows: () => scene.shafts,
+  hatched: () => scene.hatched,
+  ticks: () => plots.list.map((plot) => plot.ticks),
   joints: () => scene.hits.map((hit) => ({ ...scene.camera.project(hit.point), name: hit.label })),
   corners: () => findExtent(run, [frame, frame + 0.5]).map((p) => scene.camera.project(p)),
   size: () => [scene.camera.width, scene.camera.height],

@@ -101,7 +101,13 @@ class Plots {
     return [x.map((_, f) => Math.hypot(x[f], y[f], z[f]))];
   }
 
-  /** The largest magnitude among all curves of a unit: what is far smaller is round-off. */
+  /** What is smaller than this is round-off: by the scale of a unit in the run, or the largest value where none is known. */
+  negligible(unit) {
+    const { scales } = this.run.scene;
+    return NEGLIGIBLE * ((scales && scales[unit]) || this.largestIn(unit));
+  }
+
+  /** The largest magnitude among all curves of a unit. */
   largestIn(unit) {
     if (!this.largest.has(unit)) {
       let most = 0;
@@ -161,9 +167,10 @@ class Plots {
     let low = Infinity, high = -Infinity;
     for (const line of values) for (const y of line) if (Number.isFinite(y)) { low = Math.min(low, y); high = Math.max(high, y); }
     if (!(low <= high)) { low = 0; high = 1; }
-    // Round-off is not blown up to a curve.
-    const spare = Math.max(high - low, 1e-4 * Math.max(Math.abs(low), Math.abs(high)), 1e-9 * this.largestIn(curve.unit)) || 1;
-    if (high - low < 0.1 * spare) { low -= spare; high += spare; } else { low -= 0.06 * spare; high += 0.06 * spare; }
+    // Round-off is not blown up to a curve, as in figures (`level` in plots/style.py).
+    const most = Math.max(Math.abs(low), Math.abs(high)), least = this.negligible(curve.unit), flat = high - low <= Math.max(least, 1e-4 * most);
+    const spare = flat ? 0.5 * (Math.max(most, 1e4 * least) || 1) : 0.06 * (high - low);
+    [low, high] = [low - spare, high + spare];
     const marks = ticksOf(low, high, 3).map((y) => [y, tickText(y, high - low)]);
     box.left = plot.left = Math.min(0.4 * box.width, 8 + Math.max(24, ...marks.map(([, text]) => c.measureText(text).width)));
     const X = plot.X = (time) => box.left + ((time - start) / (end - start || 1)) * (box.right - box.left);
@@ -176,11 +183,11 @@ class Plots {
       c.textAlign = "right";
       c.fillText(text, box.left - 4, Y(y) + 4);
     }
-    for (const x of ticksOf(start, end, 4)) {
+    plot.ticks = timeTicks(start, end, (text) => c.measureText(text).width, X, box.width);
+    for (const { x, text, left } of plot.ticks) {
       c.beginPath(); c.moveTo(X(x), box.top); c.lineTo(X(x), box.bottom); c.stroke();
-      const text = `${tickText(x, end - start)} s`, half = c.measureText(text).width / 2;
-      c.textAlign = "center";
-      c.fillText(text, Math.max(half, Math.min(box.width - half, X(x))), box.height - 4);
+      c.textAlign = "left";
+      c.fillText(text, left, box.height - 4);
     }
     c.beginPath(); c.rect(box.left, 0, box.right - box.left + 1, box.bottom + 1); c.clip();
     const from = Math.max(0, this.run.frameAt(start) - 1), to = Math.min(this.run.frames, this.run.frameAt(end) + 2);
@@ -215,7 +222,8 @@ class Plots {
   /** Name and values now, above the plot and for those who do not see it. */
   describe(plot, frame) {
     const { curve, values, caption } = plot;
-    const shown = values.map((line, n) => (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3)).join(", ");
+    const least = this.negligible(curve.unit), value = (line) => short(Math.abs(line[frame]) < least ? 0 : line[frame], 3);
+    const shown = values.map((line, n) => (curve.labels[n] ? `${curve.labels[n]} ` : "") + value(line)).join(", ");
     const text = `${curve.name}: ${shown}${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`;
     if (plot.text === text + COLOURS.paper) return;
     plot.text = text + COLOURS.paper;
@@ -223,11 +231,12 @@ class Plots {
     const read = element("span", "read"); // kept whole where the name must be cut
     caption.append(element("span", "what", `${curve.name}: `), read);
     values.forEach((line, n) => {
-      const part = element("span", "", (n ? ", " : "") + (curve.labels[n] ? `${curve.labels[n]} ` : "") + short(line[frame], 3));
+      const part = element("span", "", (n ? ", " : "") + (curve.labels[n] ? `${curve.labels[n]} ` : "") + value(line));
       part.style.color = colourOfLine(curve, n);
       read.append(part);
     });
-    read.append(`${curve.unit ? ` ${curve.unit}` : ""}${curve.open ? " (not unique)" : ""}`);
+    read.append(curve.unit ? ` ${curve.unit}` : "");
+    if (curve.open) caption.append(element("span", "open", "(not unique)"));
     caption.title = text;
     plot.canvas.setAttribute("aria-label", `${text} at ${short(this.run.t[frame])} s; arrow keys change the time`);
   }
@@ -238,6 +247,22 @@ function colourOfLine(curve, n) {
   if (curve.size) return COLOURS[curve.table];
   const group = { coordinates: 1, velocities: 0, drives: 2, sensors: 3, energy: 4 }[curve.group] || 0;
   return COLOURS.lines[(group + n) % COLOURS.lines.length];
+}
+
+const TICK_GAP = 12; // pixels between two numbers of an axis
+
+/** Ticks of time with the places of their numbers, as many as stand beside each other. */
+function timeTicks(start, end, widthOf, X, width) {
+  for (let count = 4; ; count--) {
+    const found = ticksOf(start, end, count).map((x) => {
+      const text = `${tickText(x, end - start)} s`, size = widthOf(text);
+      const left = Math.max(0, Math.min(width - size, X(x) - size / 2));
+      return { x, text, left, right: left + size };
+    });
+    const apart = found.every(({ left }, i) => i === 0 || left >= found[i - 1].right + TICK_GAP);
+    if (apart) return found;
+    if (count === 1) return found.slice(0, 1);
+  }
 }
 
 /** Round numbers between two others, about `count`. */

@@ -10,6 +10,11 @@ function largestForce(table, frames) {
   return most;
 }
 
+/** Whether the ground holds the point of a joint, which rests then: on the ground as child, or as a parent on which it does not slide. */
+function isSupported(joint) {
+  return joint.kind !== "free" && (joint.child < 0 || (joint.parent < 0 && joint.atParent !== null && !joint.rail));
+}
+
 class Scene {
   constructor(run, canvas) {
     this.run = run;
@@ -27,11 +32,11 @@ class Scene {
     this.radius = sizes.radius;
     this.arrowSpan = sizes.arrow;
     this.paths = findPaths(run);
-    this.forceUnit = run.typicalLength("force", 0.95);
+    this.forceUnit = this.unitOf("force", "N");
     // One scale for all forces, where there are reactions to measure loads by.
     const pushes = s.loads.map((_, n) => largestForce(run.tables[`load${n}`], run.frames));
     this.loadUnit = this.forceUnit || Math.max(0, ...pushes);
-    this.momentUnit = run.typicalLength("moment", 0.95);
+    this.momentUnit = this.unitOf("moment", "N m");
     this.options = {
       names: s.joints.length <= 24, traces: this.paths.length <= 6, forces: true, moments: false, loads: true, arrows: 1,
       follow: this.near !== null, whole: false,
@@ -43,6 +48,12 @@ class Scene {
     this.unlike = { cut: false }; // what of this frame is not to scale
     this.reach = this.findTips();
     this.part = false; // whether the first view is of a part
+  }
+
+  /** A large value among the reactions of a run; 0 where they are all round-off. */
+  unitOf(table, unit) {
+    const typical = this.run.typicalLength(table, 0.95), { scales } = this.run.scene;
+    return scales && typical < NEGLIGIBLE * (scales[unit] || 0) ? 0 : typical;
   }
 
   /** Ends of arrows over the run, as the first view should hold them. */
@@ -68,7 +79,7 @@ class Scene {
     const { run, radius } = this, found = [];
     const foot = (point, size) => found.push(sub(point, scaled(this.camera.up, (SUPPORT * size - 3) * radius)));
     run.scene.joints.forEach((joint, j) => {
-      if ((joint.parent < 0 || joint.child < 0) && joint.kind !== "free" && joint.atParent && !joint.rail) foot(run.seatOf(0, j), 3.4);
+      if (isSupported(joint)) foot(run.seatOf(0, j), 3.4);
     });
     for (const { body1, point1, body2, point2 } of [...run.scene.springs, ...run.scene.ropes]) {
       for (const [body, point] of [[body1, point1], [body2, point2]]) if (body < 0) foot(point, 2.6);
@@ -129,6 +140,7 @@ class Scene {
       legends.words("This run has no bodies to draw: its coordinates are in the list.", 16, camera.height / 2);
       return;
     }
+    this.hatched = painter.hatched;
     legends.axes();
     legends.scales();
     if (this.options.names) legends.names(moving);
@@ -268,9 +280,8 @@ class Scene {
     run.scene.joints.forEach((joint, j) => {
       const point = run.seatOf(frame, j);
       if (!isFinite3(point)) return;
-      const grounded = joint.parent < 0 || joint.child < 0;
-      if (joint.rail) this.rail(painter, joint, frame, grounded);
-      else if (grounded && joint.kind !== "free" && joint.atParent) painter.support(point, 3.4 * radius);
+      if (joint.rail) this.rail(painter, joint, frame);
+      if (isSupported(joint)) painter.support(point, 3.4 * radius);
       this.glyph(painter, joint, point, frame);
       drawMarks(this, painter, j, point, joint.axis ? unit(run.turned(frame, joint.parent, joint.axis)) : null);
       if (free.has(j)) this.ring(painter, point);
@@ -278,14 +289,14 @@ class Scene {
     });
   }
 
-  /** Line on the parent along which a joint slides; hatched where that is the ground. */
-  rail(painter, joint, frame, grounded) {
+  /** Line on the parent along which a joint slides; hatched where the parent is the ground, and so rests. */
+  rail(painter, joint, frame) {
     const [a, b] = joint.rail.map((p) => this.run.placed(frame, joint.parent, p));
     const p = this.camera.project(a), q = this.camera.project(b);
     if (!p || !q) return;
     painter.push((p.z + q.z) / 2 - this.radius, () => {
       painter.line([p, q], COLOURS.ground, Math.max(1.5, 0.5 * this.radius * p.s));
-      if (!grounded) return;
+      if (joint.parent >= 0) return;
       const r = 3.4 * this.radius * p.s, l = Math.hypot(q.x - p.x, q.y - p.y) || 1, side = q.x >= p.x ? 1 : -1;
       const shift = { x: (-side * (q.y - p.y) * 1.6) / l, y: (side * (q.x - p.x) * 1.6) / l };
       const w = this.radius * p.s;

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..result_view import FEW, ResultView, given, turn_between_outputs
+from ..result_view import FEW, ResultView, given, scales, turn_between_outputs
 from .couplings import Pictures, pictures
 from .curves import curves, efforts, loads_open
 from .geometry import outline, plane_normal, solid_of, view
@@ -41,6 +41,7 @@ def describe(
     """
     summary = result.summary or {}
     spec = result.spec or {}
+    certificate = None if given(result) else result.certificate
     motion = motion_of(result)
     joints = _joints(summary, spec, motion, list(result.names.bodies))
     coordinates = {
@@ -66,6 +67,9 @@ def describe(
     scene = {
         "title": title or str(summary.get("name") or "") or "mechanism",
         "warning": "" if result.success else f"The run stopped early: {result.message}",
+        "verdict": None if certificate is None else certificate.verdict,
+        "certificate": "" if certificate is None else str(certificate),
+        "trust": [] if certificate is None else _trust(certificate),
         "outputs": len(result.t),
         "planar": planar,
         "size": motion.size,
@@ -94,6 +98,7 @@ def describe(
         "given": given(result),
         "switches": switches,
         "switchCount": len(switches),
+        "scales": scales(result),
         "curves": drawn,
         "firstCurves": first,
     }
@@ -112,6 +117,21 @@ def describe(
         "independent": _choices(np.asarray(result.independent)[kept.frames]),
         "tables": kept.tables,
     }
+
+
+FINDINGS = 3
+"""Findings in the sidebar; the certificate has all."""
+
+
+def _trust(certificate: Any) -> list[list[str]]:
+    """The numbers of a certificate at a glance, [name, value], then its findings, ["", sentence]."""
+    numbers = {
+        "closure error": certificate.closure,
+        "energy balance": certificate.energy_balance,
+        "Newton-Euler": certificate.newton_euler,
+    }
+    known = [[name, f"{x:.1e}" if x else "0"] for name, x in numbers.items() if x is not None]
+    return known + [["", finding.sentence] for finding in certificate.findings[:FINDINGS]]
 
 
 def _apart(result: ResultView) -> dict[str, Any] | None:

@@ -50,7 +50,10 @@ def scenery(stage: Drawn, sheet: Sheet, frame: int, width: float) -> None:
         p, q = max(combinations(pixels, 2), key=lambda ends: float(np.hypot(*(ends[1] - ends[0]))))
         down = np.array([-normal @ stage.right, normal @ stage.up])
         forward = (q - p)[0] * down[1] - (q - p)[1] * down[0] > 0
-        sheet.ground(p if forward else q, q if forward else p, 3.4 * stage.radius * stage.scale, width)
+        if floor["body"] < 0:
+            sheet.ground(p if forward else q, q if forward else p, 3.4 * stage.radius * stage.scale, width)
+        else:  # only the ground, which rests, is hatched
+            sheet.line([p, q], GROUND, 1.5 * width)
     for extra in scene["parts"]:
         stage.solid(sheet, frame, extra["body"], extra["part"])
     for stop in scene["stops"]:

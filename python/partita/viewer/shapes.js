@@ -20,6 +20,7 @@ class Painter {
     this.grain = grain; // depths nearer than this count as equal, so that a flat mechanism does not flicker
     this.list = [];
     this.drawnRods = []; // ends in the picture, and half the width
+    this.hatched = []; // lines of the ground, which rest
     this.drawnMarks = []; // boxes of supports and of arrows around a point
     this.drawnSprings = []; // ends in the picture, and half the width
   }
@@ -370,6 +371,7 @@ class Painter {
 
   /** Ground line from p to q with strokes on its right. */
   ground(p, q, r) {
+    this.hatched.push([p, q]);
     this.line([p, q], COLOURS.ground, 1.6);
     let dx = q.x - p.x, dy = q.y - p.y;
     const l = Math.hypot(dx, dy), count = Math.max(2, Math.min(80, Math.round(l / (0.4 * r))));

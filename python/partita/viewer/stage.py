@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,17 +51,26 @@ def hanging(a: FloatArray, b: FloatArray, length: float, down: FloatArray) -> Fl
     return np.asarray(a + s * (b - a) + 4.0 * sag * s * (1.0 - s) * down)
 
 
+def font_of(size: int) -> Any:
+    """Matplotlib's font, which has signs and letters of many alphabets; that of Pillow prints boxes for most."""
+    from PIL import ImageFont
+
+    with suppress(ImportError, OSError):
+        import matplotlib
+
+        return ImageFont.truetype(str(Path(matplotlib.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")), size)
+    return ImageFont.load_default(size=size)
+
+
 class Stage:
     """The mechanism in front of a fixed camera."""
 
     def __init__(self, pose: Pose, size: tuple[int, int], forces: bool, factor: float) -> None:
-        from PIL import ImageFont
-
         self.pose, self.scene, self.forces = pose, pose.scene, forces
         self.width, self.height = size[0] * FINER, size[1] * FINER
         self.size = size
         self.factor = factor
-        self.font = ImageFont.load_default(size=max(11, min(18, size[1] // 36)) * FINER)
+        self.font = font_of(max(11, min(18, size[1] // 36)) * FINER)
         view = self.scene["view"]
         right, up, back = (np.array(view[name]) for name in ("right", "up", "back"))
         azimuth, elevation = view["azimuth"], view["elevation"]
@@ -396,12 +407,11 @@ class Stage:
             point = pose.seat(frame, j)
             if not np.isfinite(point).all() or joint["kind"] == "free":
                 continue
-            grounded = joint["parent"] < 0 or joint["child"] < 0
             axis = None if joint["axis"] is None else pose.turned(frame, joint["parent"], np.array(joint["axis"]))
             if joint["rail"]:
                 ends = pose.placed(frame, joint["parent"], np.array(joint["rail"]))
 
-                def rail(ends: Any = ends, grounded: bool = grounded) -> None:
+                def rail(ends: Any = ends, grounded: bool = joint["parent"] < 0) -> None:
                     p, q = self.at(ends)
                     sheet.line([p, q], GROUND, max(1.5 * FINER, 0.5 * r * self.scale))
                     if grounded:
@@ -412,7 +422,8 @@ class Stage:
                         self.hatch(sheet, p + low, q + low, 3.4 * r * self.scale)
 
                 sheet.add(self.depth(ends) - 2, rail)
-            elif grounded and joint["atParent"]:
+            held = joint["parent"] < 0 and joint["atParent"] is not None and not joint["rail"]
+            if joint["child"] < 0 or held:  # the ground holds the point
                 self.support(sheet, point, 3.4 * r)
             self.glyph(sheet, joint, point, axis)
 
@@ -475,9 +486,14 @@ class Stage:
         margin = 14 * FINER
         sheet.draw.text((margin, 10 * FINER), self.fitted(sheet, self.scene["title"], 0.6), fill=INK, font=self.font)
         pace = "" if abs(self.factor - 1.0) < 1e-9 else f"   {self.factor:.2g}×"
+        verdict = self.scene["verdict"]
         text = f"t = {self.pose.t[frame]:.{self.digits()}f} s{pace}"
         width = sheet.draw.textlength(text, font=self.font)
         sheet.draw.text((self.width - margin - width, 10 * FINER), text, fill=INK, font=self.font)
+        if verdict is not None:  # the seal, under the time
+            word, colour = f"run: {verdict}", LOAD if verdict == "valid" else FORCE
+            place = (self.width - margin - sheet.draw.textlength(word, font=self.font), 30 * FINER)
+            sheet.draw.text(place, word, fill=colour, font=self.font)
         rows = [(1.0 / self.scale, INK, "m")]
         if self.forces and self.unit > 0:
             rows.append((self.unit / (self.arrow * self.scale), FORCE, "N"))

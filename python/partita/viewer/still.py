@@ -81,6 +81,8 @@ class Still:
 
     partitions: Sequence[Any] = ()
     has_energy: bool = False
+    certificate: None = None
+    """A position is no run: there is nothing to certify."""
 
     @property
     def success(self) -> bool:

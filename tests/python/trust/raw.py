@@ -66,14 +66,6 @@ CASES = [
         "rod",
         lambda: pt.Mechanism("m").add_rod("rod", (1, 2, 3), (1, 2, 3), 1.0),
     ),
-    asked("events_none", "`events=None`", ArgumentError, "events", lambda: pendulum().simulate(1.0, events=None)),
-    asked(
-        "events",
-        "an event, which this version has not",
-        ArgumentError,
-        "events",
-        lambda: pendulum().simulate(1.0, events=[lambda t, s: 1.0]),
-    ),
     asked("text_time", '`t="x"`', ArgumentError, "t must be", lambda: pendulum().assemble(t="x")),  # type: ignore[arg-type]
     asked("backwards", "a run of -1 s", ArgumentError, "duration", lambda: pendulum().simulate(-1.0)),
     asked("no_time", "a run of NaN seconds", ArgumentError, "duration", lambda: pendulum().simulate(math.nan)),
