@@ -17,6 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from . import limits
 from .errors import ArgumentError, FileFormatError, MissingFileError
 
 BLANK = "sha256:" + 64 * "0"
@@ -70,15 +71,21 @@ def target(path: Any, what: str = "", folder: str | None = None) -> Path:
     return where
 
 
-def get(path: Path) -> bytes:
-    """All of a file; `MissingFileError` where there is none, `FileFormatError` where it cannot be read."""
+def get(path: Path, limit: str) -> bytes:
+    """All of a file; `MissingFileError` where there is none, `FileFormatError` where it cannot be read, or is larger
+    than the limit of this name in bytes: it is compared before anything is read."""
     if not path.is_file():
         what = "this is a folder" if path.is_dir() else "there is no such file"
         raise MissingFileError(f"cannot read {str(path)!r}: {what}; the working folder is {Path.cwd()}", path=str(path))
+    most = limits.limit(limit)
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            content = b"" if size > most else file.read(most + 1)
     except OSError as error:
         raise FileFormatError(f"cannot read {str(path)!r}: {_why(error)}", path=str(path), line=None) from error
+    limits.refuse_above(limit, max(size, len(content)), str(path))
+    return content
 
 
 _OTHERS = (
@@ -176,9 +183,12 @@ def put_folder(path: Path, files: dict[str, bytes]) -> Path:
 
 
 def get_folder(path: Path) -> dict[str, bytes]:
-    """All files of a folder by their names in it; `FileFormatError` where one cannot be read."""
+    """All files of a folder by their names in it; `FileFormatError` where one cannot be read, or all are larger
+    together than a stored result may be."""
     try:
-        return {p.relative_to(path).as_posix(): p.read_bytes() for p in sorted(path.rglob("*")) if p.is_file()}
+        files = [p for p in sorted(path.rglob("*")) if p.is_file()]
+        limits.refuse_above("result_bytes", sum(p.stat().st_size for p in files), str(path))
+        return {p.relative_to(path).as_posix(): p.read_bytes() for p in files}
     except OSError as error:
         raise FileFormatError(f"cannot read {str(path)!r}: {_why(error)}", path=str(path), line=None) from error
 

@@ -55,7 +55,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     """
     source = place(path)
     folder = source.suffix.lower() == FOLDER and source.is_dir()
-    content = get_folder(source) if folder else get(source)
+    content = get_folder(source) if folder else get(source, "result_bytes")
     form = format_of(source, f"cannot read {str(source)!r}")
     form.check("reading")
     try:

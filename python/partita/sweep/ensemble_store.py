@@ -69,7 +69,7 @@ class Kept:
         path = self._part(number)
         if not path.exists():
             return None
-        content = get(path)
+        content = get(path, "result_bytes")
         if not intact(content):
             raise _damaged(self.folder, path.name)
         found: dict[str, Any] = json.loads(content)
@@ -158,7 +158,7 @@ def _made(folder: Path, shapes: list[tuple[int, int, int]]) -> None:
 
 def _compare(folder: Path, here: dict[str, Any]) -> None:
     """Refuse to continue what is not the same ensemble."""
-    content = get(folder / HEADER)
+    content = get(folder / HEADER, "result_bytes")
     if not intact(content):
         raise _damaged(folder, HEADER)
     there = json.loads(content)

@@ -304,7 +304,7 @@ def _header(folder: Path) -> dict[str, Any]:
         raise MissingFileError(
             f"there is no store {str(folder)!r}; the working folder is {Path.cwd()}", path=str(folder)
         )
-    content = get(folder / HEADER)
+    content = get(folder / HEADER, "result_bytes")
     if not intact(content):
         raise _damaged(folder, f"{HEADER} is not what was written")
     header = json.loads(content)
