@@ -63,7 +63,7 @@ def test_depth_is_bounded(what: str, tmp_path: Path) -> None:
     text = four_bar().replace("def ", f"# {hidden}\ndef ", 1)
     assert f"# {hidden}" in text
     assert pt.load(put(tmp_path, text)).bodies
-    apart = f'"{hidden}" \'\'\'{hidden}\'\'\' @{hidden}@ (('.encode()
+    apart = f"\"{hidden}\" '''{hidden}''' @{hidden}@ ((".encode()
     assert usd_scan.check_text(apart) is None
     with limits.raised(depth=1):
         assert (usd_scan.check_text(apart) or "").startswith("nests 2 levels")

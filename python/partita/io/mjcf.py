@@ -248,7 +248,8 @@ class _Reader:
             damping = self.law(called, at, "", i, "actuator_damping", i)[1]
             if armature == 0.0 and damping == 0.0:
                 continue
-            j, ratio = int(m.actuator_trnid[i, 0]), float(m.actuator_gear[i, 0])
+            output = int(m.actuator_outadr[i]) if hasattr(m, "actuator_outadr") else i
+            j, ratio = int(m.actuator_trnid[i, 0]), float(m.actuator_gear[output, 0])
             along = int(m.actuator_trntype[i]) == int(self.mujoco.mjtTrn.mjTRN_JOINT)
             if along and int(m.jnt_type[j]) in (int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)):
                 before = self.geared.get(j, (0.0, 0.0))

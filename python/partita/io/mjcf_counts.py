@@ -52,7 +52,9 @@ def check(root: Element) -> None:
         asked += own * times
         if element.tag == "size":
             tables += sum(x for key in _TABLES for x in _counts(element, key))
-            per_element += sum(x for key in element.attributes if key.startswith("nuser_") for x in _counts(element, key))
+            per_element += sum(
+                x for key in element.attributes if key.startswith("nuser_") for x in _counts(element, key)
+            )
         if (words := exceeded("generated", _whole(asked), "numbers by its counts")) is not None:
             element.fail(f"asks for {words}")
         inside = times
@@ -95,7 +97,9 @@ def check_numbers(element: Element, names: tuple[str, ...]) -> None:
             if math.isnan(found) or (found == math.inf and not key.endswith(_UNBOUNDED)):
                 element.fail(f'has "{key}" "{value:.40}"; it takes finite numbers')
             if found > LARGEST and not key.endswith(_UNBOUNDED):
-                element.fail(f'has "{key}" "{value:.40}"; magnitudes above {LARGEST:g} are not supported: use other units')
+                element.fail(
+                    f'has "{key}" "{value:.40}"; magnitudes above {LARGEST:g} are not supported: use other units'
+                )
 
 
 _NUMBERS: dict[str, tuple[str, ...]] = {

@@ -1,4 +1,4 @@
-"""What a USD file would make of itself, found before USD composes it: nesting, prims, and the arcs that multiply them."""
+"""What USD would compose of a file, found before it does: nesting, prims, and the arcs that multiply them."""
 
 from __future__ import annotations
 
@@ -132,7 +132,9 @@ class Scan:
     def count(self, more: int) -> None:
         """Add nodes of the composition."""
         self.composed += max(more, 0)
-        if (words := exceeded("composed", self.composed, "prims by references, payloads, inherits and variants")) is not None:
+        if (
+            words := exceeded("composed", self.composed, "prims by references, payloads, inherits and variants")
+        ) is not None:
             refuse(self.model, None, f"its layers compose {words}")
 
     def spec(self, site: Site) -> _Spec | None:

@@ -27,8 +27,8 @@ from .format_table import APPLIED, COMPILED, LOOKS, NO_EFFECT
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array
-from .usd_table import OWN, USD
 from .usd_scan import Scan, check_text
+from .usd_table import OWN, USD
 from .xmltree import Element, refuse
 
 SUFFIXES = (".usda", ".usd", ".usdc")
