@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ...extras import extra
 from ...files import BLANK
-from ..content import Content
+from ..content import Content, Room
 from ..dataset import as_header, dataset, unfilled
 
+METADATA = ".zmetadata"
+"""Of all arrays, gathered."""
 PACKAGES = ("xarray", "zarr")
 
 
@@ -25,8 +31,13 @@ def write(content: Content) -> dict[str, bytes]:
         return {p.relative_to(root).as_posix(): p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file()}
 
 
-def read(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(folder: Path, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays."""
+    room.text((folder / METADATA).read_bytes())
+    for name, about in json.loads((folder / METADATA).read_bytes())["metadata"].items():
+        if name.endswith(".zarray"):
+            shapes = [[int(size) for size in about[key]] for key in ("shape", "chunks")]
+            room.take(max(math.prod(map(abs, shape)) for shape in shapes) * np.dtype(about["dtype"]).itemsize)
     xarray = extra("xarray", "zarr", "reading Zarr")
     with xarray.open_zarr(folder, chunks=None, consolidated=True) as found:
-        return as_header(found)
+        return as_header(found, room)
