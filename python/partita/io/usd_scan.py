@@ -75,7 +75,7 @@ class Scan:
     def check(self, root: str) -> None:
         """Refuse a stage of more prims or arcs than the limits allow."""
         most = limit("prims")
-        prims, waiting = 0, [((root, ""),)]
+        prims, waiting = 0, [self.closed([(root, "")])]
         while waiting:
             sites = waiting.pop()
             for name in self.names(sites):

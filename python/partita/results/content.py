@@ -6,14 +6,12 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import limits
-from ..errors import FileFormatError
+from ..files import Room
 from ..result_view import ResultView
 from .record import exact, read_exact
 from .variables import Axis, Variable, axes, variables
@@ -49,44 +47,15 @@ class Content:
         return json.dumps(self.header(**more), separators=(",", ":"))
 
 
-class Room:
-    """Memory that a stored result may take, by the size of its file."""
-
-    def __init__(self, path: Path, size: int) -> None:
-        self.path, self.size, self.taken = path, size, 0
-        self.most = limits.limit("unpacked_factor") * size + limits.limit("unpacked_bytes")
-
-    def take(self, count: int, what: str = "its arrays") -> None:
-        """Refuse the file where `count` bytes more are too many: before they are allocated."""
-        self.taken += count
-        if self.taken > self.most:
-            words = (
-                f"{what} take {self.taken} bytes, more than the {self.most} that a file of {self.size} bytes may take"
-            )
-            raise FileFormatError(
-                f"cannot read {str(self.path)!r}: {words}; {limits.advice('unpacked_bytes', self.taken)}",
-                path=str(self.path),
-                line=None,
-            )
-
-    def header(self, text: str) -> dict[str, Any]:
-        """The description in a file, whose arrays have room."""
-        found = read_header(text)
-        for about in found["arrays"].values():
-            shape = [int(size) for size in about["shape"]]
-            if min(shape, default=0) < 0:
-                raise ValueError(f"an array has the shape {shape}")
-            self.take(math.prod(shape) * TYPES[about["type"]].itemsize)
-        return found
-
-    def text(self, content: bytes) -> None:
-        """Refuse JSON whose lists and objects have no room."""
-        opens = content.count(b"[") + content.count(b"{")
-        self.take(_PER_LIST * opens + _PER_ENTRY * content.count(b",") + 3 * len(content), "its entries")
-
-
-_PER_LIST, _PER_ENTRY = 88, 32
-"""Bytes of memory of a list or an object in Python, and of an entry."""
+def header_within(room: Room, text: str) -> dict[str, Any]:
+    """The description in a file, whose arrays have room."""
+    found = read_header(text)
+    for about in found["arrays"].values():
+        shape = [int(size) for size in about["shape"]]
+        if min(shape, default=0) < 0:
+            raise ValueError(f"an array has the shape {shape}")
+        room.take(math.prod(shape) * TYPES[about["type"]].itemsize)
+    return found
 
 
 def content_of(result: ResultView) -> Content:

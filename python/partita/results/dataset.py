@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..extras import extra
+from ..files import Room
 from ..result_view import ResultView
 from .certificate import Certificate
-from .content import Content, Room, content_of
+from .content import Content, content_of, header_within
 from .record import read_exact
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def as_header(found: xarray.Dataset, room: Room) -> tuple[dict[str, Any], dict[s
     account, model = (str(found[name].values[()]) for name in ("account", "model"))
     for text in (account, model):
         room.text(text.encode())
-    header = room.header(account)
+    header = header_within(room, account)
     header["account"]["spec"] = read_exact(model)
     # sizes first: a damaged file must not make room for numbers that it does not have
     for name, about in header["arrays"].items():

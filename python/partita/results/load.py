@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import struct
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,22 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FileFormatError, MissingDependencyError, PartitaError
-from ..files import get, get_folder, intact, intact_folder, place
+from ..files import MALFORMED, Room, get, get_folder, intact, intact_folder, place
 from .account_check import check_account
 from .certificate import Certificate
-from .content import VERSION, Room, restored
+from .content import VERSION, restored
 from .load_check import check
 from .record import Record
 from .result import Result
 from .save import FOLDER, Format, format_of
 from .sensor import StoredSensors
 from .source import CHECKS, ENERGIES, OBSERVED, REACTIONS, StoredSource
-
-UNREADABLE = (
-    KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError, MemoryError, EOFError,
-    OSError, struct.error,
-)  # fmt: skip
-"""Errors of reading malformed content."""
 
 FLAGS = ("determined_world", "determined_joint", "determined_drive", "determined_effort")
 STORED = (*ENERGIES, *CHECKS, *OBSERVED, *REACTIONS, "joint_acceleration", *FLAGS)
@@ -82,7 +75,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
         raise _bad(source, "it is not text in UTF-8") from error
     except (FileFormatError, MissingDependencyError):
         raise
-    except UNREADABLE as error:
+    except MALFORMED as error:
         raise _incomplete(source, form, error) from error
 
 

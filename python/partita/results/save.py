@@ -10,9 +10,9 @@ from typing import Any
 
 from ..errors import FileFormatError
 from ..extras import wanted
-from ..files import put, put_folder, target
+from ..files import Room, put, put_folder, target
 from ..result_view import ResultView
-from .content import Content, Room, content_of
+from .content import Content, content_of
 from .formats import matlab, netcdf, parquet, text_csv, text_json, zarr_folder
 
 

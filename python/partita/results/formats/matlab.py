@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files import BLANK, sealed
-from ..content import Content, Room
+from ...files import BLANK, Room, sealed
+from ..content import Content, header_within
 from ..record import read_exact
 from .matlab_elements import unpacked
 
@@ -56,7 +56,7 @@ def read(content: bytes, room: Room) -> tuple[dict[str, Any], Mapping[str, Any]]
     found = io.loadmat(BytesIO(plain))
     account = str(found["partita"].item())
     room.text(account.encode())
-    header = room.header(account)
+    header = header_within(room, account)
     arrays = {name: found[name] for name in header["arrays"]}
     if SHIFTED in arrays:
         arrays[SHIFTED] = arrays[SHIFTED] - 1

@@ -6,7 +6,7 @@ import math
 import struct
 import zlib
 
-from ..content import Room
+from ...files import Room
 
 _HEAD = 128
 _COMPRESSED, _MATRIX = 15, 14

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...extras import extra
-from ...files import BLANK, sealed
-from ..content import Content, Room
+from ...files import BLANK, Room, sealed
+from ..content import Content
 from ..dataset import as_header, dataset, unfilled
 
 PACKAGES = ("xarray", "h5py", "h5netcdf")

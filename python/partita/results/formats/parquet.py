@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ...extras import extra
-from ...files import BLANK, sealed
-from ..content import Content, Room
+from ...files import BLANK, Room, sealed
+from ..content import Content, header_within
 from ..table import column_names, columns, gathered
 
 PACKAGES = ("pyarrow",)
@@ -43,7 +43,7 @@ def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
     table = file.read()
     account = table.schema.metadata[ACCOUNT]
     room.text(account)
-    header = room.header(account.decode("ascii"))
+    header = header_within(room, account.decode("ascii"))
     names = [name for name, _ in column_names(header)]
     if table.column_names != names:
         raise ValueError("its columns differ from its description")

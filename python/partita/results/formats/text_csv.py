@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...files import BLANK, sealed
-from ..content import Content, Room
+from ...files import BLANK, Room, sealed
+from ..content import Content, header_within
 from ..table import column_names, columns, gathered
 
 _PER_ENTRY = 66
@@ -40,7 +40,7 @@ def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
         rows = csv.reader(TextIOWrapper(BytesIO(content), "utf-8", newline=""))
         titles, first = next(rows), next(rows)
         room.text(first[-1].encode())
-        header = room.header(first[-1])
+        header = header_within(room, first[-1])
         units = column_names(header)
         if titles != [*(_titled(name, unit) for name, unit in units), ACCOUNT]:
             raise ValueError("its columns differ from its description")

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...files import BLANK, sealed
-from ..content import TYPES, Content, Room, read_header
+from ...files import BLANK, Room, sealed
+from ..content import TYPES, Content, read_header
 from ..record import plain
 
 INFINITE = {np.inf: "Infinity", -np.inf: "-Infinity"}

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...extras import extra
-from ...files import BLANK
-from ..content import Content, Room
+from ...files import BLANK, Room
+from ..content import Content
 from ..dataset import as_header, dataset, unfilled
 
 METADATA = ".zmetadata"
