@@ -27,7 +27,8 @@ import numpy as np
 
 import partita as pt
 from partita.errors import FileFormatError, PartitaError
-from partita.files import _MARK, BLANK, intact_folder, sealed
+from partita.files import _MARK, BLANK, Room, intact_folder, sealed
+from partita.results.formats.matlab_elements import unpacked
 
 HERE = Path(__file__).parent
 ROOM = 4 * 10**9
@@ -152,11 +153,12 @@ Case = Callable[[], Any]
 Kind = Callable[[Path], Callable[[random.Random], tuple[Any, Case]]]
 
 
-def _model(seeds: dict[str, bytes], beside: dict[str, bytes] | None = None) -> Kind:
-    """Files of a model; `beside` are there unchanged."""
+def _model(seeds: dict[str, bytes]) -> Kind:
+    """Files of a model, changed beside what they name."""
 
     def begin(folder: Path) -> Callable[[random.Random], tuple[Any, Case]]:
-        for name, content in {**(beside or {}), **seeds}.items():
+        shutil.copytree(HERE / "format_files", folder, dirs_exist_ok=True)
+        for name, content in seeds.items():
             (folder / name).write_bytes(content)
         others = list(seeds.values())
 
@@ -468,7 +470,7 @@ def kinds() -> dict[str, Kind]:
     if has("yaml"):
         found["yaml"] = sidecar
     if has("mujoco"):
-        found["mjcf"] = _model(_files(".mjcf"), _files(".xml"))
+        found["mjcf"] = _model(_files(".mjcf"))
     if has("pxr"):
         found["usda"] = lambda folder: _model(_usd())(folder)
         found["usdc"] = lambda folder: _model(_usdc(folder))(folder)

@@ -71,6 +71,8 @@ for line in sys.stdin:
     layer = None
     print("read", file=out, flush=True)
 """
+_LETTERS = 400
+"""Of a sentence of USD in an error."""
 _SHOWN = 3
 """Sentences of USD in an error; the first ones name the cause."""
 _AT = re.compile(r"(.*?):(\d+):\d+: ")
@@ -281,13 +283,18 @@ def _heard(usd: Any, path: Path, reading: Reading) -> Iterator[None]:
         refuse(path, line, f"USD cannot read it: {'; '.join(words[:_SHOWN])}")
     finally:
         for one in delegate.TakeUncoalescedDiagnostics():
-            reading.changed.append(Remark(None, f"USD says: {' '.join(one.commentary.split())}"))
+            with suppress(UnicodeDecodeError):
+                reading.changed.append(Remark(None, f"USD says: {' '.join(one.commentary[:_LETTERS].split())}"))
         del delegate
 
 
 def _messages(error: Any) -> list[str]:
-    """What USD says of an error."""
-    return [" ".join(str(one.commentary).split()) for one in error.args] or [str(error)]
+    """What USD says of an error: text of the file may be in it, of any length and in no encoding."""
+    try:
+        words = [str(one.commentary) for one in error.args] or [str(error)]
+    except UnicodeDecodeError:
+        words = ["it contains text that is not UTF-8"]
+    return [" ".join(one[:_LETTERS].split()) for one in words]
 
 
 def _layers(usd: Any, first: Path, request: Request, reading: Reading, apart: _Apart) -> Iterator[Any]:

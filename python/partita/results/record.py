@@ -52,6 +52,8 @@ class Record:
     """The mechanism as built, as JSON; None for a `System`."""
     version: str = ""
     """The version of Partita that computed it."""
+    of_file: bool = False
+    """Whether it was read from a file, whose description nobody has compiled."""
 
     @cached_property
     def spec(self) -> dict[str, Any] | None:
@@ -126,7 +128,9 @@ class Record:
         reported["options"] = deprecated.renamed(reported["options"], deprecated.OPTIONS)
         reported["status"] = deprecated.VERDICTS.get(reported["status"], reported["status"])
         reported["version"] = str(account.get("version", ""))
-        return cls(arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec))
+        return cls(
+            arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec), of_file=True
+        )
 
 
 _FROM_THE_LOG = ("partitions", "counters", "steps_open", "gaps", "exchanged")
