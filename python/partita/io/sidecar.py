@@ -28,7 +28,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ..builder.checks import find
+from ..builder.checks import LARGEST, find
 from ..errors import FileFormatError, MissingDependencyError, UnknownNameError
 from ..files import get, other
 from ..limits import exceeded, limit
@@ -265,19 +265,15 @@ def _end(robot: Robot, value: Any) -> tuple[str, Array] | None:
 
 
 def _number(value: Any) -> float | None:
-    """A finite number, or None."""
-    fine = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < float("inf")
+    """A finite number, or None; integers have any size."""
+    fine = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
     return float(value) if fine else None
 
 
 def _gravity(value: Any) -> tuple[float, ...] | None:
     """Three finite numbers, or None."""
-    fine = isinstance(value, list | tuple) and len(value) == 3
-    try:
-        found = tuple(float(x) for x in value) if fine else ()
-    except (TypeError, ValueError):
-        found = ()
-    return found if len(found) == 3 and all(abs(x) < float("inf") for x in found) else None
+    found = [_number(x) for x in value] if isinstance(value, list | tuple) and len(value) == 3 else [None]
+    return None if None in found else tuple(float(x) for x in found if x is not None)
 
 
 def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .._core import version
 from ..errors import ArgumentError, FileFormatError
-from ..files import BLANK, MALFORMED, clear_drafts, get, intact, malformed, put, sealed, target
+from ..files import BLANK, clear_drafts, get, intact, malformed, put, sealed, target
 from ..files import place as path_of
 from ..store_lock import LOCK, locked, unusable
 
@@ -148,7 +148,7 @@ def opened(path: Any, shapes: list[tuple[int, int, int]], whose: Callable[[], st
                 np.load(folder / name, mmap_mode=None if 0 in shape else "r")
                 for name, shape in zip(("q.npy", "v.npy"), shapes, strict=True)
             ]
-        except MALFORMED as error:
+        except Exception as error:  # NumPy reads its header as Python
             raise _damaged(folder, "q.npy or v.npy") from error
         if [x.shape for x in arrays] != [tuple(x) for x in shapes] or any(x.dtype != np.float64 for x in arrays):
             raise _damaged(folder, "q.npy or v.npy")
