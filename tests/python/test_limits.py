@@ -11,7 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from test_hostile_files import MJCF, SDF, TOML, URDF, put
 
@@ -202,20 +201,13 @@ def test_products_of_mjcf_that_leave_the_range_and_directions_without_length(tmp
     begin = '<mujoco><worldbody><body name="a"><joint/>'
     refused(put(tmp_path, "a.mjcf", f'{begin}<geom size="1e59" mass="1e59"/></body></worldbody></mujoco>'), "too large")
     text = f'{begin}<geom size="1"/></body></worldbody></mujoco>'.replace('name="a"', 'name="a" quat="3e-320 0 0 0"')
-    try:
-        m = pt.load(put(tmp_path, "b.mjcf", text))
-        assert np.all(np.isfinite(m.bodies["a"].rotation)) if hasattr(m.bodies["a"], "rotation") else m.bodies
-    except FileFormatError as error:
-        assert "quat" in error.message or "MuJoCo cannot read it" in error.message
+    refused(put(tmp_path, "b.mjcf", text), 'body "a": body_quat as MuJoCo compiled it', "no direction")
 
 
 def test_bounds_of_mjcf_may_be_infinite(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     text = MJCF.replace('type="hinge"', 'type="hinge" limited="true" range="-inf 1e300"')
-    try:
-        pt.load(put(tmp_path, "a.mjcf", text))
-    except FileFormatError as error:  # of MuJoCo's own rules
-        assert "MuJoCo cannot read it" in error.message
+    assert [*pt.load(put(tmp_path, "a.mjcf", text)).joints] == ["j"]
 
 
 @pytest.mark.parametrize(

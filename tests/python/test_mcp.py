@@ -327,7 +327,8 @@ point = [{i}.0, 0.0, 0.0]
 """
             for i in range(1000)
         )
-        error = refused(ask("run", duration=0.01, outputs=5001, model=f'[mechanism]\npartita = 1\nname = "chain"\n{few}'))
+        model = f'[mechanism]\npartita = 1\nname = "chain"\n{few}'
+        error = refused(ask("run", duration=0.01, outputs=5001, model=model))
         assert error["kind"] == "MemoryError" and f"{LEAST} MB" in error["message"]
         assert len(ask("tools/list").tools) == 10
 

@@ -188,6 +188,7 @@ class _Server(ThreadingHTTPServer):
     they know the address, so that who sends slowly keeps nobody out."""
 
     daemon_threads = True
+    request_queue_size = 128
 
     def __init__(self, address: tuple[str, int], page: DrawingPage) -> None:
         super().__init__(address, _Handler)
