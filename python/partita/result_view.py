@@ -90,11 +90,11 @@ class MotionView(Protocol):
 
 @contextmanager
 def understood(result: Any) -> Iterator[None]:
-    """Where the description of a mechanism is used that may have been read from a file: one that is none is refused."""
+    """Where a description and numbers are used that may have been read from a file: others than a run's are refused."""
 
     def refusal(error: Exception) -> FileFormatError:
         why = f"{type(error).__name__}: {error!s:.100}"
-        message = f"the stored result has a description that is not one of a mechanism ({why}); simulate again"
+        message = f"the stored result has a description or numbers that no run has ({why}); simulate again"
         return FileFormatError(message, path="", line=None)
 
     record = getattr(result, "record", None)
