@@ -225,7 +225,7 @@ def _usdc(folder: Path) -> dict[str, bytes]:
 
 
 SIDECAR = b"""closed_loop: [[here, there]]
-type: ["6d"]
+type: ["3d"]
 name: [knee]
 name_mot: [A]
 gravity: [0.0, 0.0, -9.81]
