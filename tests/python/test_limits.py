@@ -116,7 +116,7 @@ def test_toml_is_counted_before_it_is_parsed(tmp_path: Path) -> None:
         "#\n" * 400_000,
         "[" * 400_000,
     ):
-        refused(put(tmp_path, "a.toml", text), "marks, more than the limit of 300000", "partita.limits.raised(marks=")
+        refused(put(tmp_path, "a.toml", text), "marks, more than the limit of 240000", "partita.limits.raised(marks=")
     numbers = ", ".join(f"{i}.5" for i in range(100_000))  # points of numbers do not count
     text = TOML + f'[[drive]]\njoint = "A"\nposition = {{times = [{numbers}], values = [{numbers}]}}\n'
     m = pt.load(put(tmp_path, "b.toml", text))
