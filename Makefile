@@ -103,6 +103,7 @@ trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m geometry_study touching
 	PYTHONPATH=tests/python $(BIN)/python -m zoo
 	PYTHONPATH=tests/python $(BIN)/python -m derivatives
+	$(BIN)/python tests/python/damaged.py --count 1200
 	PARTITA_THOROUGH=1 $(BIN)/python -m pytest tests/python
 
 ## processors: all tests with instructions held to SSE2, AVX2, AVX-512, and with drawings moved by one unit in their last place (ONLY="sse2 moved-1" some of it)

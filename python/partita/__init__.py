@@ -14,7 +14,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from . import errors, partition, units
+from . import errors, limits, partition, units
 from ._core import version as _version
 from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
@@ -48,6 +48,7 @@ __all__ = [
     "compare",
     "draw",
     "errors",
+    "limits",
     "load",
     "load_result",
     "load_sweep",

@@ -13,6 +13,7 @@ bar
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 __all__ = [
@@ -38,6 +39,23 @@ __all__ = [
 ]
 
 
+_LONG_WORD, _LONG = 500, 4000
+"""Letters of a word, and of a message. What a file contains may be of any length."""
+_WORD = re.compile(r"\S+")
+
+
+def shortened(message: str) -> str:
+    """A message without the middle of what is too long in it."""
+    if len(message) <= _LONG_WORD:
+        return message
+    message = _WORD.sub(lambda word: _middle_out(word[0], _LONG_WORD), message)
+    return _middle_out(message, _LONG)
+
+
+def _middle_out(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most // 2]} ... {text[-most // 4 :]}"
+
+
 class PartitaError(Exception):
     """Base of all errors of Partita.
 
@@ -50,6 +68,7 @@ class PartitaError(Exception):
     fields: dict[str, Any]
 
     def __init__(self, message: str, **fields: Any) -> None:
+        message = shortened(message)
         super().__init__(message)
         self.message = message
         self.fields = fields

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
 from typing import Any
 
-from .errors import MissingDependencyError
+from .errors import MissingDependencyError, PartitaError
+
+
+def check_not_ending() -> None:
+    """Refuse to compute when the interpreter ends and cannot import what NumPy still wants."""
+    if sys.meta_path is None:
+        raise PartitaError(
+            "the interpreter is ending, so nothing can be computed; compute before, in atexit.register or a with block"
+        )
 
 
 def extra(package: str, name: str, purpose: str) -> Any:

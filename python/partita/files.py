@@ -11,13 +11,15 @@ import os
 import re
 import secrets
 import shutil
+import struct
 import time
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from .errors import ArgumentError, FileFormatError, MissingFileError
+from . import limits
+from .errors import ArgumentError, FileFormatError, MissingFileError, PartitaError
 
 BLANK = "sha256:" + 64 * "0"
 """Occurs once in the content of a file to be sealed, before all names given by the user."""
@@ -70,15 +72,71 @@ def target(path: Any, what: str = "", folder: str | None = None) -> Path:
     return where
 
 
-def get(path: Path) -> bytes:
-    """All of a file; `MissingFileError` where there is none, `FileFormatError` where it cannot be read."""
+def get(path: Path, limit: str) -> bytes:
+    """All of a file; `MissingFileError` where there is none, `FileFormatError` where it cannot be read, or is larger
+    than the limit of this name in bytes: it is compared before anything is read."""
     if not path.is_file():
         what = "this is a folder" if path.is_dir() else "there is no such file"
         raise MissingFileError(f"cannot read {str(path)!r}: {what}; the working folder is {Path.cwd()}", path=str(path))
+    most = limits.limit(limit)
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            content = b"" if size > most else file.read(size + 1)
+            content += file.read(most + 1 - size) if len(content) > size else b""  # it grows
     except OSError as error:
         raise FileFormatError(f"cannot read {str(path)!r}: {_why(error)}", path=str(path), line=None) from error
+    limits.refuse_above(limit, max(size, len(content)), str(path))
+    return content
+
+
+MALFORMED = (
+    KeyError, IndexError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError, MemoryError, EOFError,
+    OSError, struct.error,
+)  # fmt: skip
+"""Errors of using what a malformed file contains."""
+
+
+@contextmanager
+def malformed(refusal: Callable[[Exception], FileFormatError]) -> Iterator[None]:
+    """Where the content of a file is used that is intact, but of which nobody knows who wrote it: errors of Python are
+    the refusal that is made of them."""
+    try:
+        yield
+    except PartitaError:  # may be one of those too
+        raise
+    except MALFORMED as error:
+        raise refusal(error) from error
+
+
+_PER_LIST, _PER_ENTRY = 88, 32
+"""Bytes of memory of a list or an object in Python, and of an entry."""
+
+
+class Room:
+    """Memory that a stored result may take, by the size of its file."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        self.path, self.size, self.taken = path, size, 0
+        self.most = limits.limit("unpacked_factor") * size + limits.limit("unpacked_bytes")
+
+    def take(self, count: int, what: str = "its arrays") -> None:
+        """Refuse the file where `count` bytes more are too many: before they are allocated."""
+        self.taken += count
+        if self.taken > self.most:
+            words = (
+                f"{what} take {self.taken} bytes, more than the {self.most} that a file of {self.size} bytes may take"
+            )
+            raise FileFormatError(
+                f"cannot read {str(self.path)!r}: {words}; {limits.advice('unpacked_bytes', self.taken)}",
+                path=str(self.path),
+                line=None,
+            )
+
+    def text(self, content: bytes) -> None:
+        """Refuse JSON whose lists and objects have no room."""
+        opens = content.count(b"[") + content.count(b"{")
+        self.take(_PER_LIST * opens + _PER_ENTRY * content.count(b",") + 3 * len(content), "its entries")
 
 
 _OTHERS = (
@@ -176,9 +234,12 @@ def put_folder(path: Path, files: dict[str, bytes]) -> Path:
 
 
 def get_folder(path: Path) -> dict[str, bytes]:
-    """All files of a folder by their names in it; `FileFormatError` where one cannot be read."""
+    """All files of a folder by their names in it; `FileFormatError` where one cannot be read, or all are larger
+    together than a stored result may be."""
     try:
-        return {p.relative_to(path).as_posix(): p.read_bytes() for p in sorted(path.rglob("*")) if p.is_file()}
+        files = [p for p in sorted(path.rglob("*")) if p.is_file()]
+        limits.refuse_above("result_bytes", sum(p.stat().st_size for p in files), str(path))
+        return {p.relative_to(path).as_posix(): p.read_bytes() for p in files}
     except OSError as error:
         raise FileFormatError(f"cannot read {str(path)!r}: {_why(error)}", path=str(path), line=None) from error
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ArgumentError
+from .errors import ArgumentError, FileFormatError
+from .files import malformed
 from .naming import Names, coordinate_units, joint_units
 from .numeric import shown
 
@@ -138,6 +140,20 @@ class MotionView(Protocol):
 
     def sensor(self, name: str) -> Any:
         """Readings of a sensor."""
+
+
+@contextmanager
+def understood(result: Any) -> Iterator[None]:
+    """Where a description and numbers are used that may have been read from a file: others than a run's are refused."""
+
+    def refusal(error: Exception) -> FileFormatError:
+        why = f"{type(error).__name__}: {error!s:.100}"
+        message = f"the stored result has a description or numbers that no run has ({why}); simulate again"
+        return FileFormatError(message, path="", line=None)
+
+    record = getattr(result, "record", None)
+    with malformed(refusal) if getattr(record, "of_file", False) else nullcontext():
+        yield
 
 
 class ResultView(MotionView, Protocol):

@@ -13,6 +13,7 @@ from . import _core
 from . import options as run_options
 from .builder.compiled import Equations, checked
 from .errors import ArgumentError, DescriptionError, EvaluationError
+from .extras import check_not_ending
 from .numeric import floats, is_list, shown
 from .solver import Solver
 from .state import Layout, State
@@ -225,6 +226,7 @@ def simulate(
     if not isinstance(system, System):
         hint = "; call its own method: mechanism.simulate(duration)" if hasattr(system, "simulate") else ""
         raise ArgumentError(f"simulate works on a System, not on {type(system).__name__}{hint}", argument="system")
+    check_not_ending()
     start = _start(system, q0, v0, t0, initial)
     chosen = run_options.options(
         start.t,

@@ -164,7 +164,7 @@ SIDECARS = {
     "a: &a [x, x]\nb: &b [*a, *a]\nclosed_loop: [*b]\n": ("aliases", 2),
     'a: 1\nclosed_loop: !!python/object/apply:os.system ["true"]\n': ("not YAML", 2),
     "closed_loop: []\nclosed_loop: [[here, there]]\n": ("appears twice", 2),
-    "\nclosed_loop: " + 5000 * "[": ("nest more than", 2),
+    "\nclosed_loop: " + 5000 * "[": ("lists nest 33 levels, more than the limit of 32", 2),
     "a: 1\nclosed_loop:\n": ("list of pairs", 2),
     "closed_loop: [[here, there]]\ntype: 6d\n": ("list of 1 words", 2),
     "closed_loop: [[[here], there]]\n": ("closes a loop but is not a link", 1),
@@ -193,7 +193,7 @@ def test_a_hundred_thousand_keys_and_tables_without_end(tmp_path: Path) -> None:
             pt.load(put(tmp_path, "a.toml", f"# deep\n{deep}"))
         assert caught.value.line == 2
     deep_xml = f'<robot name="r">{10_000 * "<x>"}'
-    refused(put(tmp_path, "a.urdf", deep_xml), "nest more than 512 deep", 1)
+    refused(put(tmp_path, "a.urdf", deep_xml), "elements nest 513 levels, more than the limit of 512", 1)
 
 
 def test_faults_that_other_readers_overlook(tmp_path: Path) -> None:

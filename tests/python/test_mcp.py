@@ -26,7 +26,7 @@ from jsonschema import Draft202012Validator
 from mcp import Client, StdioServerParameters, stdio_client
 
 from partita.cli.mcp.folder import Folder
-from partita.cli.mcp.limits import ANSWER, MEMBERS, TEXT, Limits
+from partita.cli.mcp.limits import ANSWER, LEAST, MEMBERS, TEXT, Limits
 from partita.cli.mcp.server import refusal
 from partita.cli.mcp.tools import TOOLS
 from partita.cli.mcp.worker import answer
@@ -66,10 +66,11 @@ FOUR_BAR = {"catalogue": "four-bar"}
 def server(root: Path, *options: str) -> Iterator[Ask]:
     """A server in a folder, and what asks it."""
     command = ["-m", "partita", "mcp", "--root", str(root), *options]
+    same = {"PYTHONPATH": str(Path(pt.__file__).parents[1])}  # the package that is tested
     with (
         start_blocking_portal() as portal,
         portal.wrap_async_context_manager(
-            Client(stdio_client(StdioServerParameters(command=sys.executable, args=command, cwd=root.parent)))
+            Client(stdio_client(StdioServerParameters(command=sys.executable, args=command, cwd=root.parent, env=same)))
         ) as client,
     ):
 
@@ -310,10 +311,31 @@ def test_a_long_call_is_stopped_and_the_next_one_served(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is bounded reliably on Linux only")
 def test_a_call_beyond_its_memory_is_stopped(tmp_path: Path) -> None:
-    with server(tmp_path, "--memory", "1") as ask:
-        error = refused(ask("draw", **FOUR_BAR))
-        assert error["kind"] == "MemoryError" and "1 MB" in error["message"]
+    with server(tmp_path, "--memory", str(LEAST)) as ask:
+        assert found(ask("draw", **FOUR_BAR))["closes"]
+        few = "".join(
+            f"""[[body]]
+name = "b{i}"
+mass = 1.0
+inertia = [1.0, 1.0, 1.0]
+[[joint]]
+name = "j{i}"
+type = "revolute"
+parent = "{f"b{i - 1}" if i else "ground"}"
+child = "b{i}"
+point = [{i}.0, 0.0, 0.0]
+"""
+            for i in range(1000)
+        )
+        model = f'[mechanism]\npartita = 1\nname = "chain"\n{few}'
+        error = refused(ask("run", duration=0.01, outputs=5001, model=model))
+        assert error["kind"] == "MemoryError" and f"{LEAST} MB" in error["message"]
         assert len(ask("tools/list").tools) == 10
+
+
+def test_memory_in_which_no_call_begins_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mcp", "--root", str(tmp_path), "--memory", str(LEAST - 1)]) == 2
+    assert f"memory is {LEAST - 1} MB; a call needs at least {LEAST} MB" in capsys.readouterr().err
 
 
 def test_what_a_client_cancels_is_stopped(ask: Ask) -> None:

@@ -4,8 +4,12 @@ import contextlib
 import http.client
 import json
 import signal
+import socket
+import struct
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +21,8 @@ import partita as pt
 from partita.errors import ArgumentError, DescriptionError
 from partita.sketch import drawing_of, mechanism_of, script_of
 from partita.sketch.answer import answer
-from partita.sketch.drawing import EMPTY
-from partita.sketch.server import MOST_BYTES, DrawingPage
+from partita.sketch.drawing import EMPTY, MOST
+from partita.sketch.server import CONNECTIONS, HOST, MOST_BYTES, DrawingPage
 
 
 @pytest.mark.parametrize("name", DRAWN)
@@ -241,3 +245,72 @@ def test_from_the_command_line() -> None:
             running.kill()
     bad = subprocess.run([*command, "--port", "x"], capture_output=True, text=True, timeout=60, check=False)
     assert bad.returncode == 2 and "not a whole number" in bad.stderr
+
+
+def on_the_wire(page: DrawingPage, content: bytes) -> socket.socket:
+    """A connection that has sent this."""
+    wire = socket.create_connection((HOST, page._server.server_address[1]), timeout=30)
+    wire.sendall(content)
+    return wire
+
+
+def test_slow_connections_keep_nobody_out() -> None:
+    """Few are served at a time; one that has not shown yet that it knows the address makes room for a new one."""
+    with DrawingPage() as page:
+        before = threading.active_count()
+        slow = [on_the_wire(page, b"GET /") for _ in range(5 * CONNECTIONS)]
+        connection = http.client.HTTPConnection(HOST, page._server.server_address[1], timeout=30)
+        path = page.url.split("/", 3)[3]
+        connection.request("GET", f"/{path}", headers={"Host": page.url.split("/")[2]})
+        assert connection.getresponse().status == 200
+        assert len(page._server._open) <= CONNECTIONS
+        assert slow[0].recv(1) == b""  # the oldest was closed
+        for wire in slow:
+            wire.close()
+        connection.close()
+        end = time.monotonic() + 20
+        while threading.active_count() > before and time.monotonic() < end:
+            time.sleep(0.05)
+        assert threading.active_count() <= before
+
+
+def test_requests_that_break_off_print_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    reset = struct.pack("ii", 1, 0)
+    with DrawingPage() as page:
+        host, path = page.url.split("/")[2], page.url.split("/", 3)[3]
+        head = f"Host: {host}\r\nContent-Type: application/json\r\n"
+        asked = f"GET /{path} HTTP/1.1\r\n{head}\r\n"
+        sent = f"POST /{path}drawing HTTP/1.1\r\n{head}Content-Length: 9\r\n\r\n"
+        for request in (asked, sent):
+            for _ in range(5):
+                wire = on_the_wire(page, request.encode())
+                wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
+                wire.close()
+        end = time.monotonic() + 20
+        while page._server._open and time.monotonic() < end:
+            time.sleep(0.05)
+        assert not page._server._open
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_drawing_that_is_out_of_date_is_not_computed() -> None:
+    """What is sent last is the drawing, even while another one is examined."""
+    with DrawingPage() as page:
+        answers: list[dict[str, Any]] = []
+        with page._computing:  # as while a large drawing is examined
+            asked = [threading.Thread(target=lambda: answers.append(page._judge(drawing(**FOUR)))) for _ in range(3)]
+            for one in asked:
+                one.start()
+            end = time.monotonic() + 20
+            while page._asked < 3 and time.monotonic() < end:
+                time.sleep(0.01)
+            assert len(page.mechanism.bodies) == 3  # nobody waits for the other one
+        for one in asked:
+            one.join()
+        assert sorted(found["kind"] for found in answers) == ["moves", "superseded", "superseded"]
+
+
+def test_a_drawing_has_few_enough_elements_to_be_examined_at_once() -> None:
+    nodes = [place(f"n{i}", float(i), 0.0) for i in range(MOST + 1)]
+    with pytest.raises(ArgumentError, match=f"nodes must be a list of at most {MOST}"):
+        drawing_of(drawing(nodes=nodes))

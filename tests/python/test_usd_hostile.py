@@ -10,8 +10,8 @@ import pytest
 from usd_files import SCENE, at, body, drive, four_bar, joint, points, prim, put, usd
 
 import partita as pt
-from partita.io import usd_stage
-from partita.io.xmltree import SIZE
+from partita import limits
+from partita.io import usd_scan, usd_stage
 
 pytest.importorskip("pxr", reason="usd-core is an extra")
 
@@ -37,18 +37,63 @@ def test_what_is_not_usd(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> N
     refused(tmp_path / "noise.usd", "USD cannot open noise.usd")
     with (tmp_path / "large.usda").open("wb") as file:
         file.write(b"#usda 1.0\n")
-        file.truncate(SIZE + 1)
-    refused(tmp_path / "large.usda", "more than 64 are not read")
+        file.truncate(2**33)
+    refused(tmp_path / "large.usda", "8589934592 bytes, more than the limit of 67108864")
     with pytest.raises(pt.errors.MissingFileError):
         pt.load(tmp_path / "nowhere.usda")
     assert capfd.readouterr() == ("", "")
 
 
-def test_depth_and_count_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    deep = "#usda 1.0\n" + 'def "a"\n{\n' * 600 + "}\n" * 600
-    refused(put(tmp_path, deep), "is nested more than 512 deep")
-    monkeypatch.setattr(usd_stage, "COUNT", 3)
-    refused(put(tmp_path, four_bar()), "more than 3 prims")
+NESTED = {
+    "prims": ('def "a"\n{\n', "}\n"),
+    "dictionaries": ("dictionary d = {", "}"),
+    "tuples": ("(", ")"),
+    "lists": ("[", "]"),
+}
+
+
+@pytest.mark.parametrize("what", NESTED)
+def test_depth_is_bounded(what: str, tmp_path: Path) -> None:
+    opens, closes = NESTED[what]
+    inside = f"{opens * 30_000}{closes * 30_000}"
+    text = inside if what == "prims" else f'def "a" (customData = {{ int x = {inside} }})\n{{}}\n'
+    refused(put(tmp_path, f"#usda 1.0\n{text}"), "levels, more than the limit of 512")
+    # brackets in a comment, in a text or in the name of a file are none
+    hidden = "(" * 3000
+    text = four_bar().replace("def ", f"# {hidden}\ndef ", 1)
+    assert f"# {hidden}" in text
+    assert pt.load(put(tmp_path, text)).bodies
+    apart = f"\"{hidden}\" '''{hidden}''' @{hidden}@ ((".encode()
+    assert usd_scan.check_text(apart) is None
+    with limits.raised(depth=1):
+        assert (usd_scan.check_text(apart) or "").startswith("nests 2 levels")
+    with limits.raised(texts=2):
+        assert (usd_scan.check_text(apart) or "").startswith("has 3 texts and comments")
+
+
+def test_count_is_bounded(tmp_path: Path) -> None:
+    path = put(tmp_path, four_bar())
+    with limits.raised(prims=3):
+        refused(path, "4 prims, more than the limit of 3; partita.limits.raised(prims=4) allows as many")
+
+
+def doubled(arc: str, levels: int) -> str:
+    """Each prim has two children that are the one before it."""
+    one = 'def Xform "p{}"\n{{\n  def "a" ({})\n  {{}}\n  def "b" ({})\n  {{}}\n}}\n'
+    of = [f"prepend {arc} = </p{i - 1}>" if i else "" for i in range(levels)]
+    return "#usda 1.0\n" + "".join(one.format(i, x, x) for i, x in enumerate(of))
+
+
+@pytest.mark.parametrize("arc", ["references", "payload", "inherits", "specializes"])
+def test_doubled_arcs_are_counted_before_usd_composes(arc: str, tmp_path: Path) -> None:
+    path = put(tmp_path, doubled(arc, 17))
+    assert path.stat().st_size < 3000
+    refused(path, "more than the limit of")
+    small = put(tmp_path, doubled(arc, 5), "small.usda")
+    with limits.raised(composed=10):
+        refused(small, "more than the limit of 10; partita.limits.raised(composed=")
+    loaded = pt.load(small, base="fixed")
+    assert loaded is not None
 
 
 def test_a_binary_file_that_breaks_usd_breaks_another_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,7 +103,7 @@ def test_a_binary_file_that_breaks_usd_breaks_another_process(tmp_path: Path, mo
     Sdf.Layer.FindOrOpen(str(put(tmp_path, four_bar()))).Export(str(path))
     monkeypatch.setattr(usd_stage, "_ALONE", "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)")
     if os.name == "posix":
-        refused(path, "USD breaks down reading a.usdc: the file is damaged")
+        refused(path, "USD breaks down reading a.usdc: the file is damaged, or too large")
     monkeypatch.setattr(usd_stage, "_ALONE", "import time\ntime.sleep(60)")
     monkeypatch.setattr(usd_stage, "_PATIENCE", 0.2)
     refused(path, "does not end reading a.usdc, within 0.2 s")

@@ -1,6 +1,7 @@
 //! Analyses of one state, as dictionaries of arrays.
 
 use crate::arrays::{array, dense, indices};
+use crate::ending::released;
 use crate::failure::{self, raise};
 use crate::state::Array;
 use partita_analysis::linear::{self, Driven, Modes};
@@ -51,8 +52,7 @@ pub fn linearized<'py>(
         Err(e) => Err(failure::system(py, e)),
     };
     let driven = drives.iter().map(driven).collect::<PyResult<Vec<_>>>()?;
-    let made = py
-        .detach(|| linear::linearize(model, state, independent, efforts, &driven))
+    let made = released(py, || linear::linearize(model, state, independent, efforts, &driven))
         .map_err(|e| failure::analysis(py, e))?;
     let found = &made.first_order;
     let d = PyDict::new(py);

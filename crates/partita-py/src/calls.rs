@@ -1,6 +1,7 @@
 //! Calling user functions of (t, q) and (t, q, v).
 
 use crate::arrays::entries;
+use crate::ending::entered;
 use numpy::ToPyArray;
 use partita_system::SystemError;
 use pyo3::prelude::*;
@@ -11,7 +12,7 @@ fn fault(what: &str, e: PyErr) -> SystemError {
 
 /// Entries of f(t, q) or f(t, q, v).
 pub fn call(f: &Py<PyAny>, what: &str, t: f64, q: &[f64], v: Option<&[f64]>) -> Result<Vec<f64>, SystemError> {
-    Python::attach(|py| {
+    entered(|py| {
         let q = q.to_pyarray(py);
         let x = match v {
             Some(v) => f.bind(py).call1((t, q, v.to_pyarray(py))),

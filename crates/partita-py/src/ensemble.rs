@@ -1,6 +1,7 @@
 //! Ensembles between Python and Rust.
 
 use crate::arrays::{array, entries_of, matrix, shaped};
+use crate::ending::{entered, released};
 use crate::failure::{self, raise};
 use crate::run::Options;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -51,7 +52,7 @@ pub fn ensemble<'py>(
         if stopped.load(Ordering::Relaxed) {
             return true;
         }
-        let Err(e) = Python::attach(|py| py.check_signals()) else { return false };
+        let Err(e) = entered(|py| py.check_signals()) else { return false };
         if let Ok(mut error) = error.lock() {
             *error = Some(e);
         }
@@ -74,14 +75,14 @@ pub fn ensemble<'py>(
     let mut watch = |part: f64| {
         asked = match error.lock().ok().and_then(|mut error| error.take()) {
             Some(e) => Err(e),
-            None => Python::attach(|py| {
+            None => entered(|py| {
                 py.check_signals()?;
                 progress.as_ref().map_or(Ok(()), |p| p.call1(py, (part,)).map(drop))
             }),
         };
         asked.as_ref().map_or(Err(AnalysisError::Stopped), |_| Ok(()))
     };
-    let found = py.detach(|| ensemble::ensemble(m, &what, &mut watch));
+    let found = released(py, || ensemble::ensemble(m, &what, &mut watch));
     asked?;
     let found = found.map_err(|e| failure::analysis(py, e))?;
     let d = PyDict::new(py);

@@ -1,6 +1,7 @@
 //! Python functions called from evaluations.
 
 use crate::arrays::entries;
+use crate::ending::entered;
 use numpy::ToPyArray;
 use partita_model::value::{Functions, RELATION, TURNING};
 use pyo3::prelude::*;
@@ -34,7 +35,7 @@ impl Callables {
         v: &[f64],
         read: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
     ) -> Result<T, Fault> {
-        Python::attach(|py| {
+        entered(|py| {
             let result = self.functions[i].bind(py).call1((t, q.to_pyarray(py), v.to_pyarray(py)))?;
             read(&result)
         })
@@ -79,7 +80,7 @@ impl Functions for Callables {
         Ok(law)
     }
     fn law(&self, i: usize, t: f64, seen: &[f64], out: &mut [f64]) -> Result<(), Fault> {
-        let x = Python::attach(|py| {
+        let x = entered(|py| {
             let x = self.functions[i].bind(py).call1((t, seen.to_pyarray(py)))?;
             match entries(&x) {
                 Some(x) => Ok(x),
@@ -94,7 +95,7 @@ impl Functions for Callables {
         Ok(())
     }
     fn turning(&self, i: usize, t: f64) -> Result<[f64; TURNING], Fault> {
-        let x = Python::attach(|py| {
+        let x = entered(|py| {
             let x = self.functions[i].bind(py).call1((t,))?;
             match entries(&x) {
                 Some(x) => Ok(x),
@@ -107,7 +108,7 @@ impl Functions for Callables {
         })
     }
     fn motion(&self, i: usize, t: f64) -> Result<[f64; 3], Fault> {
-        Python::attach(|py| {
+        entered(|py| {
             let (a, b, c) = self.functions[i].bind(py).call1((t,))?.extract::<(f64, f64, f64)>()?;
             Ok([a, b, c])
         })

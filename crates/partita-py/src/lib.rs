@@ -4,6 +4,7 @@ mod analyses;
 mod arrays;
 mod balance;
 mod calls;
+mod ending;
 mod ensemble;
 mod failure;
 mod functions;
@@ -23,6 +24,7 @@ mod toml;
 mod user_system;
 mod waiting;
 
+use numpy::PyArrayMethods;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -40,6 +42,9 @@ fn version() -> &'static str {
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     #[cfg(feature = "compiled")]
     <dyn partita_math::program::Compiler>::install(&partita_compiled::NATIVE);
+    ending::register(m)?;
+    // finds what it needs of NumPy, which cannot be imported any more when the interpreter ends
+    numpy::PyArray1::<f64>::zeros(m.py(), 0, false).try_readwrite()?;
     m.add_class::<model::Model>()?;
     m.add_class::<inverse::Inverse>()?;
     m.add_class::<inverse::Actuated>()?;

@@ -1,6 +1,7 @@
 //! Outputs of a mechanism along sampled states, as arrays.
 
 use crate::arrays::{array, entries_of, rows_of, shaped};
+use crate::ending::{entered, released};
 use crate::failure::{self, raise};
 use crate::state::Array;
 use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
@@ -18,9 +19,9 @@ use std::borrow::Cow;
 /// Compute while other Python threads run; Ctrl-C is checked between the rows.
 pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch) -> Result<T, AnalysisError> + Send) -> PyResult<T> {
     let mut asked = Ok(());
-    let found = py.detach(|| {
+    let found = released(py, || {
         f(&mut || {
-            asked = Python::attach(|py| py.check_signals());
+            asked = entered(|py| py.check_signals());
             asked.as_ref().map_or(Err(AnalysisError::Stopped), |_| Ok(()))
         })
     });

@@ -1,6 +1,7 @@
 //! Results of a run for Python: options in, a dictionary of arrays out.
 
 use crate::arrays::{array, entries_of, rows_of};
+use crate::ending::{entered, released};
 use crate::failure::{self, guarded, raise};
 use crate::outputs::{assessed, described, watched};
 use crate::state::Array;
@@ -202,7 +203,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
             return ControlFlow::Continue(());
         }
         last = Instant::now();
-        let asked = Python::attach(|py| {
+        let asked = entered(|py| {
             py.check_signals()?;
             match &progress {
                 Some(p) => p.call1(py, (((t - t0) / span).clamp(0.0, 1.0),)).map(|_| ()),
@@ -217,7 +218,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
             }
         }
     };
-    let found = py.detach(|| run::run(&*system, request, tangent, &t_eval, (q, v), &mut watch));
+    let found = released(py, || run::run(&*system, request, tangent, &t_eval, (q, v), &mut watch));
     let mut found = found.map_err(|e| failure::analysis(py, e))?;
     let outcome = &mut found.outcome;
     // an exception from a user function ends the run, and the results so far are kept; Ctrl-C in it is Ctrl-C
@@ -297,7 +298,7 @@ pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
             return ControlFlow::Continue(());
         }
         last = Instant::now();
-        match Python::attach(|py| py.check_signals()) {
+        match entered(|py| py.check_signals()) {
             Ok(()) => ControlFlow::Continue(()),
             Err(e) => {
                 stopped = Some(e);
@@ -305,7 +306,7 @@ pub fn costs<S: Balance<Scratch: Send> + Send + Sync>(
             }
         }
     };
-    let found = py.detach(|| evaluation_costs(system, &contenders, &states, &mut watch));
+    let found = released(py, || evaluation_costs(system, &contenders, &states, &mut watch));
     match (found.map_err(|e| failure::analysis(py, e))?, stopped) {
         (Some(costs), None) => Ok(costs),
         (_, Some(e)) => Err(e),

@@ -1,6 +1,7 @@
 //! A motion that is stepped from Python. It owns all its data.
 
 use crate::arrays::vector;
+use crate::ending::released;
 use crate::failure::{self, guarded, raise};
 use crate::functions::{Held, Kind};
 use crate::run;
@@ -128,7 +129,7 @@ impl Stepper {
             return Err(failure::unexpected("inputs changed the coordinates of the model".into()));
         }
         let model = Arc::new(own);
-        let motion = py.detach(|| Stepping::new(model.clone().into(), &request, ticks, (t, &q, &v), keeps));
+        let motion = released(py, || Stepping::new(model.clone().into(), &request, ticks, (t, &q, &v), keeps));
         let motion = motion.map_err(|e| failure::analysis(py, e))?;
         let mut standing = Standing::default();
         standing.read(&motion);
@@ -147,7 +148,7 @@ impl Stepper {
                 input";
             return Err(raise(py, "ArgumentError", message, &[("argument", "stepper".into())]));
         }
-        let done = py.detach(|| {
+        let done = released(py, || {
             let mut motion = self.motion.lock().map_err(|_| AnalysisError::Argument {
                 argument: "stepper",
                 message: "the stepper has failed; make a new one".into(),

@@ -1,5 +1,6 @@
 //! Long work on another thread, so that Ctrl-C takes effect while it runs.
 
+use crate::ending::{begin_outside, is_last, released};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::panic::{catch_unwind, resume_unwind, AssertUnwindSafe};
@@ -46,11 +47,12 @@ fn heard_with<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
     slow: &mut dyn FnMut() -> PyResult<()>,
 ) -> PyResult<T> {
-    if !long {
-        return Ok(py.detach(work));
+    if !long || is_last() {
+        return Ok(released(py, work));
     }
     let (send, mut receive) = channel();
     let run = move || {
+        begin_outside();
         // no receiver exists after a signal
         let _ = send.send(catch_unwind(AssertUnwindSafe(work)));
     };
@@ -58,7 +60,7 @@ fn heard_with<T: Send + 'static>(
     let (began, mut silent) = (Instant::now(), true);
     loop {
         let answer;
-        (answer, receive) = py.detach(move || (receive.recv_timeout(PULSE), receive));
+        (answer, receive) = released(py, move || (receive.recv_timeout(PULSE), receive));
         match answer {
             Ok(Ok(found)) => return Ok(found),
             Ok(Err(panic)) => resume_unwind(panic),

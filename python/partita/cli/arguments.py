@@ -268,13 +268,13 @@ def _draw(command: argparse.ArgumentParser) -> None:
 
 
 def _mcp(command: argparse.ArgumentParser) -> None:
-    from .mcp.limits import MEGABYTES, SECONDS
+    from .mcp.limits import LEAST, MEGABYTES, SECONDS
 
     add = command.add_argument
     add("--root", metavar="FOLDER", required=True, help="the one folder in which models are read and files written")
     about = f"wall time that a call may take [s, or such as '2 min']; default {SECONDS:g}"
     add("--seconds", metavar="S", type=seconds, default=SECONDS, help=about)
-    about = f"memory that a call may use [MB]; default {MEGABYTES}; enforced on Linux"
+    about = f"memory that a call may use [MB]; at least {LEAST}; default {MEGABYTES}; enforced on Linux"
     add("--memory", metavar="MB", type=repeats, default=MEGABYTES, help=about)
 
 

@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from .. import limits
 from ..builder import Builder
 from ..errors import ArgumentError, FileFormatError
 from ..files import place, target
@@ -39,6 +40,7 @@ def _robot(of: Callable[[Path, Request], robot.Robot]) -> Callable[[Path, Maker,
 
     def read(path: Path, make: Maker, request: Request) -> Any:
         found = of(path, request)
+        limits.refuse_above("bodies", len(found.links), str(path))
         _loops_of(found.reading.kind, request)
         more = {} if found.drawing_tolerance is None else {"drawing_tolerance": found.drawing_tolerance}
         mechanism: Any = make(found.name, found.gravity, **more)

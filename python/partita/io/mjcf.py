@@ -17,9 +17,11 @@ import numpy as np
 
 from ..errors import MissingDependencyError
 from ..files import get
+from ..limits import exceeded
 from ..products import matmul, norm
 from . import closings
 from .format_table import content, remark
+from .mjcf_counts import check, check_compiled, check_numbers
 from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
 from .reading import Reading, Remark
 from .request import Request
@@ -29,8 +31,6 @@ from .xmltree import Element, parse, refuse
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 _NAMES = ("name", "class", "childclass", "model")
-_INCLUDES = 64
-"""Files included in each other, at most."""
 SAME = 1e-6
 """Points nearer to a line or a point than this fraction of their distance lie on it: files have some six digits."""
 
@@ -49,6 +49,9 @@ def read(path: Path, request: Request) -> Robot:
         raise MissingDependencyError(
             f'"{path}" is MJCF, which is read by MuJoCo\'s own parser: pip install partita[mujoco]', package="mujoco"
         ) from error
+    check(found)
+    for other in named.attached:
+        check(other)
     reading = Reading(path, "MJCF")
     model = _compiled(mujoco, path, reading)
     for root in (found, *named.attached):
@@ -62,7 +65,7 @@ def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
     before = mujoco.get_mju_user_warning() if hasattr(mujoco, "get_mju_user_warning") else None
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError) as error:
         message = " ".join(str(error).split())
         refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
@@ -71,6 +74,8 @@ def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
         for warning in warnings:
             words = " ".join(warning.split())
             reading.changed.append(Remark(_line(words), f"MuJoCo warns: {words}"))
+    check_compiled(mujoco, model, path)
+    return model
 
 
 @dataclass
@@ -113,16 +118,13 @@ def _looked_at(path: Path, including: tuple[Path, ...], named: _Named) -> Elemen
     """The root of a file whose includes stay within the root, and are expanded; `including` lists those around it."""
     root = parse(path)
     try:
-        get(path).decode("utf-8")
+        get(path, "model_bytes").decode("utf-8")
     except UnicodeDecodeError as error:
         refuse(path, None, f"it is not UTF-8, the encoding that MuJoCo reads: {error.reason}")
     waiting = [root]
     while waiting:
         element = waiting.pop()
-        for key, value in element.attributes.items():
-            # MuJoCo writes this to its own log and continues
-            if key not in _NAMES and any(word.lower().lstrip("+-") == "nan" for word in value.split()):
-                element.fail(f'has "{key}" "{value:.40}"; it takes finite numbers')
+        check_numbers(element, _NAMES)
         for key in (*_FILES, *_FOLDERS):
             named.add(element, key)
         inside, own = list[Element](), list[Element]()
@@ -152,8 +154,8 @@ def _included(at: Element, path: Path, including: tuple[Path, ...], named: _Name
     named.stay()
     if inner in (*including, path):
         at.fail(f'includes "{name}", which includes this file: the includes are circular')
-    if named.included > _INCLUDES:
-        at.fail(f"exceeds the limit of {_INCLUDES} included files")
+    if (words := exceeded("includes", named.included, "included files")) is not None:
+        at.fail(f"is one too many: the model has {words}")
     if not inner.is_file():
         at.fail(f'includes "{name}", which does not exist')
     own = at.tag == "model"  # names files from its own folder, includes do so from that of the model
@@ -239,13 +241,15 @@ class _Reader:
     def gears(self) -> None:
         """Rotors and dampers of actuators, which act behind their gears at joints."""
         m, kinds = self.model, self.mujoco.mjtJoint
-        for i in range(m.nu):
+        # in later versions an actuator may have several controls, which nu counts
+        for i in range(int(getattr(m, "nactuator", m.nu))):
             at, called = self.at(*ACTUATORS, name=self.name("actuator", i)), f'actuator "{self.name("actuator", i)}"'
             armature = self.value("actuator_armature", i)
             damping = self.law(called, at, "", i, "actuator_damping", i)[1]
             if armature == 0.0 and damping == 0.0:
                 continue
-            j, ratio = int(m.actuator_trnid[i, 0]), float(m.actuator_gear[i, 0])
+            output = int(m.actuator_outadr[i]) if hasattr(m, "actuator_outadr") else i
+            j, ratio = int(m.actuator_trnid[i, 0]), float(m.actuator_gear[output, 0])
             along = int(m.actuator_trntype[i]) == int(self.mujoco.mjtTrn.mjTRN_JOINT)
             if along and int(m.jnt_type[j]) in (int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)):
                 before = self.geared.get(j, (0.0, 0.0))

@@ -263,7 +263,9 @@ def turned(rpy: Any) -> Array:
 
 def rotation_of(quaternion: Any) -> Array:
     """The rotation of a quaternion (w, x, y, z) of any length."""
-    w, x, y, z = np.asarray(quaternion, dtype=float) / norm(quaternion)
+    given = np.asarray(quaternion, dtype=float)
+    given = given / np.abs(given).max()  # squares of small ones are zero
+    w, x, y, z = given / norm(given)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

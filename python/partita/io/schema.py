@@ -10,11 +10,13 @@ from __future__ import annotations
 import difflib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
+_LONG = 60
+"""Characters of a value in a message."""
 PATH = Path(__file__).with_name("mechanism.schema.json")
 Schema = Mapping[str, Any]
 
@@ -58,17 +60,18 @@ def check(value: Any, schema: Schema | None = None, pointer: str = "", owner: st
         _expected(rule, value, pointer)
     if "pattern" in rule and isinstance(value, str) and not re.search(rule["pattern"], value):
         _expected(rule, value, pointer)
-    if "enum" in rule and value not in rule["enum"]:
-        close = difflib.get_close_matches(str(value), rule["enum"], n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
+    # for Python True == 1
+    if "enum" in rule and not any(type(value) is type(word) and value == word for word in rule["enum"]):
+        close = _close(value, [word for word in rule["enum"] if isinstance(word, str)])
+        hint = f"; did you mean {close!r}?" if close else ""
         raise Mismatch(
             pointer,
-            f"{_key(pointer)} must be one of {', '.join(map(repr, rule['enum']))}, not {value!r}{hint}",
+            f"{_key(pointer)} must be one of {', '.join(map(_shown, rule['enum']))}, not {_shown(value)}{hint}",
         )
     if "const" in rule and (value != rule["const"] or isinstance(value, bool)):  # for Python True == 1
         _expected(rule, value, pointer)
     if "minimum" in rule and not isinstance(value, str) and value < rule["minimum"]:
-        raise Mismatch(pointer, f"{_key(pointer)} is {value}; it must be at least {rule['minimum']}")
+        raise Mismatch(pointer, f"{_key(pointer)} is {_shown(value)}; it must be at least {rule['minimum']}")
     if isinstance(value, dict) and "properties" in rule:
         _object(value, rule, pointer, owner)
     if isinstance(value, list):
@@ -80,9 +83,9 @@ def _object(value: dict[str, Any], rule: Schema, pointer: str, owner: str) -> No
     known = rule["properties"]
     for key in value:
         if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            hint = f'did you mean "{close[0]}"?' if close else f"known keys: {', '.join(known)}"
-            raise Mismatch(child(pointer, key), f'"{key}" is not a key of {owner}; {hint}')
+            close = _close(key, known)
+            hint = f'did you mean "{close}"?' if close else f"known keys: {', '.join(known)}"
+            raise Mismatch(child(pointer, key), f'"{_cut(key)}" is not a key of {owner}; {hint}')
     for key in rule.get("required", ()):
         if key not in value:
             raise Mismatch(pointer, f'{owner} has no "{key}": {known[key].get("description", "it is required")}')
@@ -120,9 +123,9 @@ def _one_of(value: Any, rule: Schema, pointer: str, owner: str) -> None:
     if "type" not in value:
         raise Mismatch(pointer, f'{owner} has no "type"; it is one of {", ".join(kinds)}')
     if not isinstance(value["type"], str) or value["type"] not in kinds:
-        close = difflib.get_close_matches(str(value["type"]), kinds, n=1)
-        hint = f'did you mean "{close[0]}"?' if close else f"known types: {', '.join(kinds)}"
-        raise Mismatch(child(pointer, "type"), f"there is no joint of type {value['type']!r}; {hint}")
+        close = _close(value["type"], kinds)
+        hint = f'did you mean "{close}"?' if close else f"known types: {', '.join(kinds)}"
+        raise Mismatch(child(pointer, "type"), f"there is no joint of type {_shown(value['type'])}; {hint}")
     check(value, kinds[value["type"]], pointer, f"{value['type']} {owner}")
 
 
@@ -151,16 +154,27 @@ def _expected(rule: Schema, value: Any, pointer: str) -> NoReturn:
     wanted = rule.get("title") or (_TYPES[rule["type"]][0] if "type" in rule else repr(rule.get("const")))
     if rule.get("type") == _QUANTITY and isinstance(value, str):
         wanted += " or text that begins with one and ends with its unit, such as '250 mm'"
-    shown = json.dumps(value, ensure_ascii=False)
-    raise Mismatch(
-        pointer, f"{_key(pointer)} must be {wanted}, not {shown if len(shown) <= 60 else shown[:57] + '...'}"
-    )
+    raise Mismatch(pointer, f"{_key(pointer)} must be {wanted}, not {_shown(value)}")
+
+
+def _shown(value: Any) -> str:
+    """A value in a message, as a file has it."""
+    return _cut(json.dumps(value, ensure_ascii=False))
+
+
+def _cut(words: str) -> str:
+    return words if len(words) <= _LONG else words[: _LONG - 3] + "..."
+
+
+def _close(value: Any, known: Iterable[str]) -> str | None:
+    """The known word that was meant, if any."""
+    return next(iter(difflib.get_close_matches(_cut(str(value)), known, n=1)), None)
 
 
 def _owner(key: str, item: Any) -> str:
     """The name of a table in messages: 'joint "A"'."""
     name = item.get("name") if isinstance(item, dict) else None
-    return f'{key} "{name}"' if isinstance(name, str) else key
+    return f'{key} "{_cut(name)}"' if isinstance(name, str) else key
 
 
 def _key(pointer: str) -> str:
@@ -168,7 +182,7 @@ def _key(pointer: str) -> str:
     parts, indices = pointer.split("/")[1:], ""
     while parts and parts[-1].isdigit():
         indices = f"[{parts.pop()}]{indices}"
-    return (parts[-1] if parts else "the file") + indices
+    return (_cut(parts[-1]) if parts else "the file") + indices
 
 
 def child(pointer: str, key: str | int) -> str:

@@ -28,19 +28,16 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ..builder.checks import find
+from ..builder.checks import LARGEST, find
 from ..errors import FileFormatError, MissingDependencyError, UnknownNameError
 from ..files import get, other
+from ..limits import exceeded, limit
 from .reading import Remark
 from .robot import Array, Effort, Loop, Robot, Spring
 from .xmltree import refuse
 
-SIZE = 2**20
-"""Bytes of a sidecar."""
 _SAME = 1e-12
 """Relative tolerance of a sum of dampings."""
-DEPTH = 32
-"""Nesting depth of lists: pairs of frames need three levels."""
 _KEYS = {
     "closed_loop",
     "type",
@@ -157,7 +154,7 @@ def _belongs(robot: Robot, path: Path) -> bool:
     """Whether a file of YAML of another name lists loops of this robot."""
     try:
         with path.open("rb") as file:
-            if b"closed_loop" not in file.read(SIZE):
+            if b"closed_loop" not in file.read(limit("sidecar_bytes")):
                 return False
         entries, _ = _loaded(path)
     except (OSError, FileFormatError):
@@ -268,19 +265,15 @@ def _end(robot: Robot, value: Any) -> tuple[str, Array] | None:
 
 
 def _number(value: Any) -> float | None:
-    """A finite number, or None."""
-    fine = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < float("inf")
+    """A finite number, or None; integers have any size."""
+    fine = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
     return float(value) if fine else None
 
 
 def _gravity(value: Any) -> tuple[float, ...] | None:
     """Three finite numbers, or None."""
-    fine = isinstance(value, list | tuple) and len(value) == 3
-    try:
-        found = tuple(float(x) for x in value) if fine else ()
-    except (TypeError, ValueError):
-        found = ()
-    return found if len(found) == 3 and all(abs(x) < float("inf") for x in found) else None
+    found = [_number(x) for x in value] if isinstance(value, list | tuple) and len(value) == 3 else [None]
+    return None if None in found else tuple(float(x) for x in found if x is not None)
 
 
 def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
@@ -291,9 +284,7 @@ def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         raise MissingDependencyError(
             f'"{path}" lists the closed loops, and reading it needs PyYAML: pip install partita[robots]', package="yaml"
         ) from error
-    content = get(path)
-    if len(content) > SIZE:
-        refuse(path, None, f"{len(content)} bytes of YAML; more than {SIZE} are not read")
+    content = get(path, "sidecar_bytes")
     if (kind := other(content)) is not None:
         refuse(path, None, kind)
     lines: dict[str, int] = {}
@@ -304,8 +295,8 @@ def _loaded(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
             if isinstance(event, yaml.AliasEvent):
                 refuse(path, line, "aliases (*name) are not read, because they can expand without limit")
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if depth > DEPTH:
-                refuse(path, line, f"lists nest more than {DEPTH} deep")
+            if (words := exceeded("list_depth", depth)) is not None:
+                refuse(path, line, f"lists nest {words}")
         root = yaml.compose(content, Loader=yaml.SafeLoader)
         for key, _ in root.value if isinstance(root, yaml.MappingNode) else ():
             line = key.start_mark.line + 1

@@ -32,7 +32,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from .. import _core
+from .. import _core, limits
 from ..builder import Builder
 from ..builder.points import as_given
 from ..builder.sampled import JoinedTable
@@ -72,7 +72,7 @@ Mend = Callable[[dict[str, Any]], dict[str, Any]]
 
 def read(path: Path, make: Maker, mend: Mend | None = None) -> Any:
     """The mechanism in a TOML file. Raises `FileFormatError` with the line of what is wrong."""
-    content = get(path)
+    content = get(path, "model_bytes")
     if (kind := other(content)) is not None:
         raise FileFormatError(f'"{path}": {kind}', path=str(path), line=None)
     try:
@@ -94,10 +94,22 @@ def read(path: Path, make: Maker, mend: Mend | None = None) -> Any:
 
 def parse(text: str, make: Maker, path: str = "text", mend: Mend | None = None) -> Any:
     """The mechanism in a TOML text; `path` is named in errors."""
+    if len(text) > limits.limit("marks"):
+        limits.refuse_above("marks", _marks(text.encode("utf-8", "replace")), path)
     with _growing():
         content, begins = _core.parse_toml(text, path)
         file = _File(path, text, json.loads(content), json.loads(begins))
         return file.mechanism(make, mend)
+
+
+_NO_MARKS = bytes(sorted(set(range(256)) - set(b"\n[]{}=,#.")))
+
+
+def _marks(content: bytes) -> int:
+    """Marks that take memory while TOML is read: separators, brackets, and points between parts of keys, which have no
+    separator between them as those of numbers do."""
+    marks = content.translate(None, _NO_MARKS)
+    return len(marks) - marks.count(b".") + 2 * marks.count(b"..")
 
 
 @contextmanager

@@ -22,8 +22,9 @@ from ..builder import Builder
 from ..builder.checks import Array
 from ..builder.records import DRAWING_TOLERANCE, GROUND, RotorRecord, SpringRecord, TorsionSpringRecord
 from ..files import put
+from ..limits import limit
 from ..products import matmul
-from . import sidecar, writing_table
+from . import writing_table
 from .closings import is_closing
 from .robot import MASSLESS, inverse
 from .skeleton import (
@@ -332,7 +333,7 @@ def _closes(path: Path) -> bool:
     """Whether there is a file that would be read as a sidecar. Another file of that name is left unchanged."""
     try:
         with path.open("rb") as file:
-            content = file.read(sidecar.SIZE)
+            content = file.read(limit("sidecar_bytes"))
     except OSError:
         return False
     return b"closed_loop" in content or b"gravity" in content

@@ -6,11 +6,14 @@ that the caller names. What USD would print is a remark, or refuses the file.
 
 from __future__ import annotations
 
+import json
 import re
+import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -19,26 +22,57 @@ import numpy as np
 
 from ..extras import extra
 from ..files import get, other
+from ..limits import exceeded, limit
 from .format_table import APPLIED, COMPILED, LOOKS, NO_EFFECT
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array
+from .usd_scan import Scan, check_text
 from .usd_table import OWN, USD
-from .xmltree import COUNT, DEPTH, SIZE, Element, refuse
+from .xmltree import Element, refuse
 
 SUFFIXES = (".usda", ".usd", ".usdc")
 _HEADERS = (b"#usda ", b"#sdf ", b"PXR-USDC")
 _BINARY = _HEADERS[2]
-_PATIENCE = 30.0
-"""Seconds that USD may take to read one binary layer: a thousand times what the largest robots need."""
+_PATIENCE = 60.0
+"""Seconds on the clock that USD may take to read one layer, on a busy machine."""
+_EFFORT, _PER_BYTE = 5, 4e-7
+"""Seconds of a processor that it may take, with its imports, and more for each byte: ten times the usual."""
+_ROOM, _ROOM_PER_BYTE = 10**9, 100
+"""Bytes of memory in the same way."""
 _ALONE = """
-import sys
+import json, os, sys
+out = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)
+try:
+    import resource
+except ImportError:
+    resource = None
 from pxr import Sdf
-layer = Sdf.Layer.FindOrOpen(sys.argv[1])
-layer and layer.ExportToString()
+
+def bound(kind, most):
+    hard = resource.getrlimit(kind)[1]
+    resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+for line in sys.stdin:
+    path, effort, room, binary = json.loads(line)
+    if resource is not None:
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        bound(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime + effort))
+        bound(resource.RLIMIT_DATA, room)
+    try:
+        layer = Sdf.Layer.FindOrOpen(path)
+        if layer and binary:
+            layer.ExportToString()
+    except MemoryError:
+        raise
+    except Exception:
+        pass  # reported where it is read in earnest
+    layer = None
+    print("read", file=out, flush=True)
 """
-_LAYERS = 1000
-"""Files of one stage, at most."""
+_LETTERS = 400
+"""Of a sentence of USD in an error."""
 _SHOWN = 3
 """Sentences of USD in an error; the first ones name the cause."""
 _AT = re.compile(r"(.*?):(\d+):\d+: ")
@@ -153,7 +187,9 @@ def opened(path: Path, request: Request, reading: Reading) -> Iterator[Stage]:
     _checked(path, path)
     usd = _Usd()
     with _heard(usd, path, reading):
-        kept = [*_layers(usd, _absolute(path), request, reading)]
+        with _Apart(path) as apart:
+            kept = [*_layers(usd, _absolute(path), request, reading, apart)]
+        Scan({layer.realPath or layer.identifier: layer for layer in kept}, path).check(kept[0].realPath)
         stage = usd.Usd.Stage.Open(kept[0], None)
         if stage is None:
             refuse(path, None, "USD cannot open it")
@@ -170,36 +206,67 @@ def _absolute(path: Path) -> Path:
 
 def _checked(path: Path, model: Path) -> bytes:
     """The first bytes of a layer; refuses what is not USD by its size and these."""
-    content = get(path)
+    content = get(path, "layer_bytes")
     called = "it" if path == model else f"its layer {path.name}"
-    if len(content) > SIZE:
-        refuse(model, None, f"{called} has {len(content) / 2**20:.0f} MiB; more than {SIZE // 2**20} are not read")
     if not content.strip():
         refuse(model, None, f"{called} is empty")
     if (kind := other(content)) is not None:
         refuse(model, None, kind if path == model else f"{called}: {kind}")
     if not content.startswith(_HEADERS):
         refuse(model, None, f"{called} is neither text nor binary USD: it begins with {content[:12]!r}")
+    if not content.startswith(_BINARY) and (words := check_text(content)) is not None:
+        refuse(model, None, f"{called} {words}")
     return content[: len(_BINARY)]
 
 
-def _survived(path: Path, model: Path) -> None:
-    """Refuse a binary file on which USD ends its process, or hangs: another process reads all of it first."""
-    program = Path(sys.executable or "")
-    if not program.name.lower().startswith("python"):
-        return  # within another program
-    try:
-        code = subprocess.run(
-            [str(program), "-c", _ALONE, str(path)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            timeout=_PATIENCE,
-        ).returncode
-    except subprocess.TimeoutExpired:
-        refuse(model, None, f"USD does not end reading {path.name}, within {_PATIENCE:g} s: the file is damaged")
-    if code < 0 or code > 255:
-        refuse(model, None, f"USD breaks down reading {path.name}: the file is damaged")
+class _Apart:
+    """Another process, which reads each layer before this one does: on some files USD ends its process, or hangs."""
+
+    def __init__(self, model: Path) -> None:
+        self.model, self.late = model, False
+        self.process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> _Apart:
+        program = Path(sys.executable or "")
+        if program.name.lower().startswith("python"):  # else it is within another program
+            self.process = subprocess.Popen(
+                [str(program), "-c", _ALONE],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+            )
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        if self.process is not None:
+            self.process.kill()
+            self.process.communicate()
+
+    def survived(self, path: Path, size: int, binary: bool) -> None:
+        """Refuse a file that breaks it."""
+        if self.process is None or self.process.stdin is None or self.process.stdout is None:
+            return
+        asked = [str(path), _EFFORT + _PER_BYTE * size, int(_ROOM + _ROOM_PER_BYTE * size), binary]
+        clock = threading.Timer(_PATIENCE, self._kill)
+        clock.start()
+        try:
+            with suppress(BrokenPipeError):
+                self.process.stdin.write(json.dumps(asked).encode() + b"\n")
+                self.process.stdin.flush()
+            answered = bool(self.process.stdout.readline())
+        finally:
+            clock.cancel()
+        if answered:
+            return
+        code = self.process.wait()
+        if self.late or code == -getattr(signal, "SIGXCPU", 0):
+            refuse(self.model, None, f"USD does not end reading {path.name}, within {_PATIENCE:g} s: it is damaged")
+        refuse(self.model, None, f"USD breaks down reading {path.name}: the file is damaged, or too large")
+
+    def _kill(self) -> None:
+        self.late = True
+        if self.process is not None:
+            self.process.kill()
 
 
 @contextmanager
@@ -216,22 +283,26 @@ def _heard(usd: Any, path: Path, reading: Reading) -> Iterator[None]:
         refuse(path, line, f"USD cannot read it: {'; '.join(words[:_SHOWN])}")
     finally:
         for one in delegate.TakeUncoalescedDiagnostics():
-            reading.changed.append(Remark(None, f"USD says: {' '.join(one.commentary.split())}"))
+            with suppress(UnicodeDecodeError):
+                reading.changed.append(Remark(None, f"USD says: {' '.join(one.commentary[:_LETTERS].split())}"))
         del delegate
 
 
 def _messages(error: Any) -> list[str]:
-    """What USD says of an error."""
-    return [" ".join(str(one.commentary).split()) for one in error.args] or [str(error)]
+    """What USD says of an error: text of the file may be in it, of any length and in no encoding."""
+    try:
+        words = [str(one.commentary) for one in error.args] or [str(error)]
+    except UnicodeDecodeError:
+        words = ["it contains text that is not UTF-8"]
+    return [" ".join(one[:_LETTERS].split()) for one in words]
 
 
-def _layers(usd: Any, first: Path, request: Request, reading: Reading) -> Iterator[Any]:
+def _layers(usd: Any, first: Path, request: Request, reading: Reading, apart: _Apart) -> Iterator[Any]:
     """The layers of a stage, each opened when it is known where it lies; the first one is the root."""
     waiting, seen, model = [first], {first}, reading.path
     while waiting:
         path = waiting.pop()
-        if _checked(path, model).startswith(_BINARY):
-            _survived(path, model)
+        apart.survived(path, path.stat().st_size, _checked(path, model).startswith(_BINARY))
         layer = _as_stored(usd, path, reading)
         if layer is None:
             refuse(model, None, f"USD cannot open {path.name}")
@@ -249,8 +320,8 @@ def _layers(usd: Any, first: Path, request: Request, reading: Reading) -> Iterat
             if found not in seen:
                 seen.add(found)
                 waiting.append(found)
-            if len(seen) > _LAYERS:
-                refuse(model, None, f"it is made of more than {_LAYERS} files")
+            if (words := exceeded("files", len(seen))) is not None:
+                refuse(model, None, f"it is made of {words}")
 
 
 def _as_stored(usd: Any, path: Path, reading: Reading) -> Any:
@@ -299,13 +370,13 @@ class _Tree:
                 root.values[key] = ""
             root.attributes[key] = text(root.values[key])
         every = self.usd.Usd.TraverseInstanceProxies(self.usd.Usd.PrimAllPrimsPredicate)
-        waiting = [(pseudo, root, 0)]
+        waiting, deepest = [(pseudo, root, 0)], limit("depth")
         while waiting:
             handle, prim, depth = waiting.pop()
-            if depth > DEPTH:
-                prim.fail(f"is nested more than {DEPTH} deep")
-            if len(self.prims) > COUNT:
-                refuse(self.path, None, f"more than {COUNT} prims; no mechanism has so many")
+            if depth > deepest:
+                prim.fail(f"is nested {exceeded('depth', depth)}")
+            if (words := exceeded("prims", len(self.prims))) is not None:
+                refuse(self.path, None, f"it has {words}")
             for child in handle.GetFilteredChildren(every):
                 if not child.IsAbstract() and self.is_part(child):
                     inner = self.prim(child)

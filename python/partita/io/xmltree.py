@@ -15,14 +15,10 @@ from xml.parsers import expat
 from ..builder.checks import LARGEST
 from ..errors import FileFormatError
 from ..files import get, other
+from ..limits import exceeded, limit
 
-SIZE = 64 * 2**20
-"""Largest size of a model file in bytes: the largest robots have a few million; a larger file is a mesh or a
-mistake."""
-COUNT = 500_000
-"""Maximum number of elements of a model file."""
-DEPTH = 512
-"""Maximum nesting depth of elements: bodies of MJCF nest, one level for each link of a chain."""
+_LONG = 40
+"""Characters of a value in a message."""
 
 
 @dataclass
@@ -34,7 +30,14 @@ class Element:
     line: int | None
     path: Path
     children: list[Element] = field(default_factory=list)
-    text: str = ""
+    pieces: list[str] = field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        """All text directly inside it."""
+        if len(self.pieces) > 1:
+            self.pieces[:] = ["".join(self.pieces)]
+        return self.pieces[0] if self.pieces else ""
 
     def all(self, *tags: str) -> Iterator[Element]:
         """Children of these tags, in the order of the file."""
@@ -70,8 +73,8 @@ class Element:
 
     def fail(self, message: str) -> NoReturn:
         """Refuse the file because of this element."""
-        name = f' "{self.get("name")}"' if self.get("name") else ""
-        refuse(self.path, self.line, f"<{self.tag}>{name} {message}")
+        name = f" {_short(self.get('name'))}" if self.get("name") else ""
+        refuse(self.path, self.line, f"<{_cut(self.tag)}>{name} {message}")
 
 
 def refuse(path: Path, line: int | None, message: str) -> NoReturn:
@@ -86,10 +89,11 @@ def numbers(element: Element, what: str, words: str, count: int) -> tuple[float,
         # Python reads 1_000 and digits of other scripts too; other programs do not
         if "_" in words or not words.isascii():
             raise ValueError
-        found = tuple(float(word) for word in words.split())
+        given = words.split(None, count)
+        found = tuple(float(word) for word in given[:count])
     except ValueError:
         element.fail(f"has {what} {_short(words)}, which is not made of numbers")
-    if len(found) != count or not all(abs(x) < float("inf") for x in found):
+    if len(given) != count or not all(abs(x) < float("inf") for x in found):
         element.fail(f"has {what} {_short(words)}; it takes {count} finite number{'s' if count != 1 else ''}")
     if any(abs(x) > LARGEST for x in found):
         element.fail(f"has {what} {_short(words)}; magnitudes above {LARGEST:g} are not supported: use other units")
@@ -105,7 +109,11 @@ def is_zero(words: str) -> bool:
 
 
 def _short(words: str) -> str:
-    return f'"{words}"' if len(words) <= 40 else f'"{words[:37]}..."'
+    return f'"{_cut(words)}"'
+
+
+def _cut(words: str) -> str:
+    return words if len(words) <= _LONG else f"{words[: _LONG - 3]}..."
 
 
 class _Malformed(Exception):
@@ -118,9 +126,7 @@ def parse(path: Path) -> Element:
     Two faults that other parsers of robots' files overlook are overlooked too: -- in comments, and text before the
     declaration.
     """
-    content = get(path)
-    if len(content) > SIZE:
-        refuse(path, None, f"{len(content) / 2**20:.0f} MiB of XML; more than {SIZE // 2**20} are not read")
+    content = get(path, "model_bytes")
     if not content.strip():
         refuse(path, None, "it is empty")
     if (kind := other(content)) is not None:
@@ -140,7 +146,11 @@ def _without_comments(content: bytes) -> bytes:
     as it is."""
     if b"<![CDATA[" in content:
         return content
-    plain = re.sub(rb"<!--.*?-->", lambda found: b"\n" * found[0].count(b"\n"), content, flags=re.DOTALL)
+    kept, at = [], 0
+    while (begin := content.find(b"<!--", at)) >= 0 and (end := content.find(b"-->", begin + 4)) >= 0:
+        kept += [content[at:begin], b"\n" * content.count(b"\n", begin, end)]
+        at = end + 3
+    plain = b"".join([*kept, content[at:]])
     return re.sub(rb"\A(\s+)<\?xml[^>]*\?>", rb"\1", plain)
 
 
@@ -151,22 +161,24 @@ def _tree(path: Path, content: bytes) -> Element:
     parser.ordered_attributes = False
     stack: list[Element] = []
     roots: list[Element] = []
-    count = 0
+    count, elements_at_most, deepest = 0, limit("elements"), limit("depth")
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count
         count += 1
-        if count > COUNT:
-            refuse(path, parser.CurrentLineNumber, f"more than {COUNT} elements; no mechanism has so many")
-        if len(stack) >= DEPTH:
-            refuse(path, parser.CurrentLineNumber, f"elements nest more than {DEPTH} deep")
+        if count > elements_at_most:
+            refuse(path, parser.CurrentLineNumber, f"it has {exceeded('elements', count)}")
+        if len(stack) >= deepest:
+            refuse(path, parser.CurrentLineNumber, f"elements nest {exceeded('depth', len(stack) + 1)}")
+        if (words := exceeded("attributes", len(attributes))) is not None:
+            refuse(path, parser.CurrentLineNumber, f"<{_cut(tag)}> has {words}")
         element = Element(tag, attributes, parser.CurrentLineNumber, path)
         (stack[-1].children if stack else roots).append(element)
         stack.append(element)
 
     def text(data: str) -> None:
         if stack:
-            stack[-1].text += data
+            stack[-1].pieces.append(data)
 
     def doctype(*_: object) -> None:
         refuse(path, parser.CurrentLineNumber, "a document type (<!DOCTYPE ...>) is not read: it may define entities")

@@ -11,6 +11,7 @@ from .. import options as run_options
 from ..builder import Builder
 from ..builder.compiled import CompiledModel, compile_description
 from ..builder.remarks import remarks
+from ..extras import check_not_ending
 from ..logger import logger
 from ..state import Layout
 
@@ -55,6 +56,7 @@ def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:
     >>> m.compile().mobility
     1
     """
+    check_not_ending()
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     version = self._description.version
     if wanted not in self._compiled or self._compiled[wanted][0] != version:

@@ -135,7 +135,7 @@ SUMMARY = table(
     joints=many(
         table(
             name=text, kind=text, parent=text, child=text, q=_span, v=_span, state_q=_maybe_span, state_v=_maybe_span,
-            may_drawn=either(many(row(number, number, number)), many(number), null), may_axes=many(text),
+            may_drawn=either(many(row(number, number, number)), many(number), null), axes=many(text),
         )
     ),
     may_couplings=many(table(name=text, word=text, rows=many(count))),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..files import Room
 from ..result_view import ResultView
 from .record import exact, read_exact
 from .variables import Axis, Variable, axes, variables
@@ -43,6 +45,17 @@ class Content:
     def text(self, **more: Any) -> str:
         """The header as JSON in ASCII, which every container can hold."""
         return json.dumps(self.header(**more), separators=(",", ":"))
+
+
+def header_within(room: Room, text: str) -> dict[str, Any]:
+    """The description in a file, whose arrays have room."""
+    found = read_header(text)
+    for about in found["arrays"].values():
+        shape = [int(size) for size in about["shape"]]
+        if min(shape, default=0) < 0:
+            raise ValueError(f"an array has the shape {shape}")
+        room.take(math.prod(shape) * TYPES[about["type"]].itemsize)
+    return found
 
 
 def content_of(result: ResultView) -> Content:

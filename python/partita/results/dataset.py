@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..extras import extra
+from ..files import Room
 from ..result_view import ResultView
 from .certificate import Certificate
-from .content import Content, content_of, read_header
+from .content import Content, content_of, header_within
 from .record import read_exact
 
 if TYPE_CHECKING:
@@ -61,10 +62,13 @@ def dataset(content: Content) -> xarray.Dataset:
     return xarray.Dataset(variables, coords=labels, attrs=attributes)
 
 
-def as_header(found: xarray.Dataset) -> tuple[dict[str, Any], dict[str, Any]]:
+def as_header(found: xarray.Dataset, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays of a dataset made by `dataset`."""
-    header = read_header(str(found["account"].values[()]))
-    header["account"]["spec"] = read_exact(str(found["model"].values[()]))
+    account, model = (str(found[name].values[()]) for name in ("account", "model"))
+    for text in (account, model):
+        room.text(text.encode())
+    header = header_within(room, account)
+    header["account"]["spec"] = read_exact(model)
     # sizes first: a damaged file must not make room for numbers that it does not have
     for name, about in header["arrays"].items():
         if list(found[name].shape) != about["shape"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-import struct
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,23 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import FileFormatError, MissingDependencyError
-from ..files import get, get_folder, intact, intact_folder, place
+from ..errors import FileFormatError, MissingDependencyError, PartitaError
+from ..files import MALFORMED, Room, get, get_folder, intact, intact_folder, place
 from .account_check import check_account
 from .certificate import Certificate
 from .content import VERSION, restored
 from .load_check import check
 from .record import Record
 from .result import Result
-from .save import FOLDER, format_of
+from .save import FOLDER, Format, format_of
 from .sensor import StoredSensors
 from .source import CHECKS, ENERGIES, OBSERVED, REACTIONS, StoredSource
-
-UNREADABLE = (
-    KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError, MemoryError, EOFError,
-    OSError, struct.error,
-)  # fmt: skip
-"""Errors of reading malformed content."""
 
 FLAGS = ("determined_world", "determined_joint", "determined_drive", "determined_effort")
 STORED = (*ENERGIES, *CHECKS, *OBSERVED, *REACTIONS, "joint_acceleration", *FLAGS)
@@ -55,13 +49,14 @@ def load_result(path: str | os.PathLike[str]) -> Result:
     """
     source = place(path)
     folder = source.suffix.lower() == FOLDER and source.is_dir()
-    content = get_folder(source) if folder else get(source)
+    content = get_folder(source) if folder else get(source, "result_bytes")
     form = format_of(source, f"cannot read {str(source)!r}")
     form.check("reading")
     try:
         if form.name != "JSON":  # for text a syntax error says more than a wrong checksum
             _check_seal(source, content, form.name)
-        header, values = form.read(source if folder else content)
+        size = sum(map(len, content.values())) if isinstance(content, dict) else len(content)
+        header, values = _parsed(form, source, content, Room(source, size))
         _check_version(source, header.get("partita_result"))
         _check_seal(source, content, form.name)
         arrays = {str(name): restored(values[name], about) for name, about in header["arrays"].items()}
@@ -76,13 +71,31 @@ def load_result(path: str | os.PathLike[str]) -> Result:
         raise FileFormatError(
             f"{str(source)!r}, line {error.lineno}: not JSON ({error.msg})", path=str(source), line=error.lineno
         ) from error
-    except UnicodeDecodeError as error:
+    except (UnicodeDecodeError, UnicodeEncodeError) as error:
         raise _bad(source, "it is not text in UTF-8") from error
     except (FileFormatError, MissingDependencyError):
         raise
-    except UNREADABLE as error:
-        why = f"it is not a complete result in {form.name} ({type(error).__name__}: {error}); simulate again"
-        raise _bad(source, why) from error
+    except MALFORMED as error:
+        raise _incomplete(source, form, error) from error
+
+
+def _parsed(form: Format, source: Path, content: Any, room: Room) -> tuple[dict[str, Any], Any]:
+    """Header and arrays of a file. Each parser raises errors of its own on what is malformed."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return form.read(source if isinstance(content, dict) else content, room)
+    except (PartitaError, json.JSONDecodeError, UnicodeError):
+        raise
+    except Exception as error:
+        raise _incomplete(source, form, error) from error
+
+
+def _incomplete(source: Path, form: Format, error: Exception) -> FileFormatError:
+    words = " ".join(str(error).split())
+    return _bad(
+        source, f"it is not a complete result in {form.name} ({type(error).__name__}: {words:.200}); simulate again"
+    )
 
 
 def _restored(record: Record, arrays: dict[str, NDArray[Any]]) -> Result:

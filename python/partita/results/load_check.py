@@ -63,9 +63,13 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
             raise ValueError(f"the sensor {item['name']!r} has the shape {read.shape} for {nt} outputs")
         if read is None and nt:
             raise ValueError(f"the readings of the sensor {item['name']!r} are missing")
+    bodies = {"ground", *(body["name"] for body in summary["bodies"])}
     for joint in joints:
         if not all(isinstance(joint[word], str) for word in _JOINT_WORDS):
             raise ValueError(f"the joint {joint['name']!r} is not described in words")
+        for word in ("parent", "child"):
+            if joint[word] not in bodies:
+                raise ValueError(f"the {word} {joint[word]!r:.60} of the joint {joint['name']!r:.60} is no body")
     t = record.arrays["t"]
     if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
         raise ValueError("the times of the outputs do not increase")

@@ -51,6 +51,8 @@ class Record:
     """The mechanism as built, as JSON; None for a `System`."""
     version: str = ""
     """The version of Partita that computed it."""
+    of_file: bool = False
+    """Whether it was read from a file, whose description nobody has compiled."""
 
     @cached_property
     def spec(self) -> dict[str, Any] | None:
@@ -121,7 +123,9 @@ class Record:
         reported["geometric_error"] = _pair((account.get("geometric_error", 0.0), 0.0))[0]
         reported["findings"] = findings_of(account.get("findings", ()))
         reported["version"] = str(account.get("version", ""))
-        return cls(arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec))
+        return cls(
+            arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec), of_file=True
+        )
 
 
 _FROM_THE_LOG = ("partitions", "counters", "steps_open", "gaps", "exchanged")

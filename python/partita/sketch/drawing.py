@@ -11,7 +11,7 @@ from typing import Any
 from ..errors import ArgumentError
 from ..numeric import shown
 
-MOST = 200
+MOST = 100
 """Elements of one kind in a drawing."""
 LARGEST = 1e6
 """Magnitude of a number of a drawing."""

@@ -34,6 +34,7 @@ class Link {
     if (number === this.asked) answer = await this.post("drawing").catch(() => null); // what is lost is said below
     done();
     if (number !== this.asked) return; // it is about an older drawing
+    if (answer?.kind === "superseded") { this.changed(); return; } // by another page of the same program
     this.waiting = false;
     if (answer) this.heard(answer); else this.lost(SILENCE);
   }

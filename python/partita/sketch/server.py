@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import secrets
+import socket
+import sys
 import threading
 import webbrowser
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -25,6 +28,11 @@ from .drawing import EMPTY, Drawing, drawing_of
 HOST = "127.0.0.1"
 MOST_BYTES = 1_000_000
 """Length of what the page may send."""
+CONNECTIONS = 24
+"""Served at the same time: a browser opens six."""
+PATIENCE = 30
+"""Seconds to wait for what a connection sends next."""
+SUPERSEDED = {"kind": "superseded", "message": "another drawing was sent meanwhile"}
 SCRIPTS = ("document.js", "picture.js", "link.js", "controls.js")
 _HEADERS = {
     "Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer",
@@ -81,7 +89,9 @@ class DrawingPage:
         if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535:
             raise ArgumentError(f"port is {shown(port)}; it must be an integer, 0 to 65535", argument="port")
         self._secret = secrets.token_urlsafe(16)
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # of the data alone, for no time that one notices
+        self._computing = threading.Lock()
+        self._asked = 0
         self._data: dict[str, Any] = EMPTY
         self._drawing = drawing_of(EMPTY)
         self._run: tuple[int, bytes] | None = None
@@ -131,7 +141,7 @@ class DrawingPage:
             f'<iframe src="{self.url}" style="width:100%;height:640px;border:1px solid #8888" title="drawing"></iframe>'
         )
 
-    # what the server asks for: one at a time
+    # what the server asks for
 
     def _page(self) -> bytes:
         data = {"drawing": self._data, "empty": EMPTY}
@@ -141,38 +151,87 @@ class DrawingPage:
             "utf-8"
         )
 
-    def _taken(self, data: Any) -> Drawing:
+    def _taken(self, data: Any) -> tuple[Drawing, int]:
         drawing = drawing_of(data)
-        self._data, self._drawing = data, drawing
-        return drawing
+        with self._lock:
+            self._data, self._drawing, self._asked = data, drawing, self._asked + 1
+            return drawing, self._asked
 
     def _judge(self, data: Any) -> dict[str, Any]:
-        with self._lock:
-            try:
-                return answer(self._taken(data))
-            except PartitaError as error:
-                return {"kind": "refused", "message": error.message}
+        try:
+            drawing, number = self._taken(data)
+            with self._computing:  # one at a time, and none that is out of date when its turn comes
+                return answer(drawing) if number == self._asked else dict(SUPERSEDED)
+        except PartitaError as error:
+            return {"kind": "refused", "message": error.message}
 
     def _started(self, data: Any) -> dict[str, Any]:
+        try:
+            drawing, asked = self._taken(data)
+            with self._computing:
+                if asked != self._asked:
+                    return {"message": SUPERSEDED["message"]}
+                page = playground_page(runs(drawing))
+        except PartitaError as error:
+            return {"message": error.message}
         with self._lock:
-            try:
-                page = playground_page(runs(self._taken(data)))
-            except PartitaError as error:
-                return {"message": error.message}
             number = 1 if self._run is None else self._run[0] + 1
             self._run = (number, page.encode("utf-8"))
-            return {"run": f"run/{number}"}
+        return {"run": f"run/{number}"}
 
     def _running(self, name: str) -> bytes | None:
         return self._run[1] if self._run is not None and name == f"run/{self._run[0]}" else None
 
 
 class _Server(ThreadingHTTPServer):
+    """Serves few connections at a time. A new one takes the place of the oldest of those that have not shown yet that
+    they know the address, so that who sends slowly keeps nobody out."""
+
     daemon_threads = True
+    request_queue_size = 128
 
     def __init__(self, address: tuple[str, int], page: DrawingPage) -> None:
         super().__init__(address, _Handler)
         self.page = page
+        self._open: dict[Any, bool] = {}
+        self._of_open = threading.Lock()
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        with self._of_open:
+            oldest = next((one for one, known in self._open.items() if not known), None)
+            full = len(self._open) >= CONNECTIONS
+            if full and oldest is not None:
+                del self._open[oldest]
+            if not full or oldest is not None:
+                self._open[request] = False
+        if full and oldest is None:
+            self.shutdown_request(request)
+            return
+        if full and oldest is not None:
+            with suppress(OSError):
+                oldest.shutdown(socket.SHUT_RDWR)  # its thread, which waits for it, ends
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            with self._of_open:
+                self._open.pop(request, None)
+
+    def known(self, request: Any) -> None:
+        """A connection that knows the address."""
+        with self._of_open:
+            if request in self._open:
+                self._open[request] = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A request that was broken off is none of the user's business."""
+        error = sys.exception() if sys.version_info >= (3, 11) else sys.exc_info()[1]
+        if isinstance(error, OSError):
+            logger.debug("draw: a connection broke off: %s", error)
+        else:
+            logger.error("draw: a request failed", exc_info=error)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -180,7 +239,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     server: _Server
     protocol_version = "HTTP/1.1"
-    timeout = 30
+    timeout = PATIENCE
 
     def do_GET(self) -> None:
         path = self._path()
@@ -216,7 +275,10 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get("Host") != own or self.headers.get("Origin", f"http://{own}") != f"http://{own}":
             return None
         first, _, rest = self.path.removeprefix("/").partition("/")
-        return rest if secrets.compare_digest(first.encode(), self.server.page._secret.encode()) else None
+        known = secrets.compare_digest(first.encode(), self.server.page._secret.encode())
+        if known:
+            self.server.known(self.connection)
+        return rest if known else None
 
     def _send(self, body: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
         self.send_response(status)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .._core import version
 from ..errors import ArgumentError, FileFormatError
-from ..files import BLANK, clear_drafts, get, intact, put, sealed, target
+from ..files import BLANK, clear_drafts, get, intact, malformed, put, sealed, target
 from ..files import place as path_of
 from ..store_lock import LOCK, locked, unusable
 
@@ -69,15 +69,14 @@ class MemberStore:
         path = self._part(number)
         if not path.exists():
             return None
-        content = get(path)
+        content = get(path, "result_bytes")
         if not intact(content):
             raise _damaged(self.folder, path.name)
-        found: dict[str, Any] = json.loads(content)
-        if found.pop("numbers", None) != digest([array[rows] for array in self.arrays]):
-            raise _damaged(self.folder, f"the numbers of part {number} (q.npy, v.npy)")
-        found["in_lanes"] = np.array(found["in_lanes"], dtype=bool)
-        found["messages"] = [(int(i), str(message)) for i, message in found["messages"]]
-        return found
+        with malformed(lambda error: _damaged(self.folder, path.name)):
+            found: dict[str, Any] = json.loads(content)
+            if found.pop("numbers", None) != digest([array[rows] for array in self.arrays]):
+                raise _damaged(self.folder, f"the numbers of part {number} (q.npy, v.npy)")
+            return _ended(found, rows.stop - rows.start)
 
     def keep(self, number: int, rows: slice, raw: dict[str, Any]) -> dict[str, Any]:
         """Put the numbers of a part on the disk, then how its members ended, which is returned."""
@@ -97,6 +96,18 @@ class MemberStore:
         written = {"checksum": BLANK, "numbers": numbers, **ended, "in_lanes": raw["in_lanes"].tolist()}
         put(self._part(number), sealed(json.dumps(written).encode()))
         return {**ended, "in_lanes": raw["in_lanes"]}
+
+
+def _ended(found: dict[str, Any], count: int) -> dict[str, Any]:
+    """How the members of a part ended; raises errors of Python where an entry is of another kind."""
+    status, steps, refusal = found["status"], found["steps"], found["refusal"]
+    in_lanes = np.array(found["in_lanes"], dtype=bool)
+    messages = [(int(i), str(message)) for i, message in found["messages"]]
+    fits = isinstance(status, list) and len(status) == count and in_lanes.shape == (count,)
+    typed = type(steps) is int and isinstance(refusal, str | None) and all(isinstance(x, str) for x in status)
+    if not (fits and typed and all(0 <= i < count for i, _ in messages)):
+        raise ValueError("entries of another kind")
+    return {"status": status, "messages": messages, "steps": steps, "refusal": refusal, "in_lanes": in_lanes}
 
 
 def _damaged(folder: Path, name: str) -> FileFormatError:
@@ -137,7 +148,7 @@ def opened(path: Any, shapes: list[tuple[int, int, int]], whose: Callable[[], st
                 np.load(folder / name, mmap_mode=None if 0 in shape else "r")
                 for name, shape in zip(("q.npy", "v.npy"), shapes, strict=True)
             ]
-        except (OSError, ValueError, EOFError) as error:
+        except Exception as error:  # NumPy reads its header as Python
             raise _damaged(folder, "q.npy or v.npy") from error
         if [x.shape for x in arrays] != [tuple(x) for x in shapes] or any(x.dtype != np.float64 for x in arrays):
             raise _damaged(folder, "q.npy or v.npy")
@@ -158,10 +169,12 @@ def _made(folder: Path, shapes: list[tuple[int, int, int]]) -> None:
 
 def _compare(folder: Path, here: dict[str, Any]) -> None:
     """Refuse to continue what is not the same ensemble."""
-    content = get(folder / HEADER)
+    content = get(folder / HEADER, "result_bytes")
     if not intact(content):
         raise _damaged(folder, HEADER)
-    there = json.loads(content)
+    with malformed(lambda error: _damaged(folder, HEADER)):
+        there = json.loads(content)
+        there = {key: there[key] for key in here}
     if there["partita"] != here["partita"]:
         why = f"it was written by Partita {there['partita']}, this is {here['partita']}, whose last digits may differ"
     elif here["of"] is None:

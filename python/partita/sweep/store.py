@@ -26,7 +26,7 @@ import numpy as np
 from .._core import version
 from ..errors import ArgumentError, FileFormatError, MissingFileError
 from ..extras import extra
-from ..files import BLANK, get, intact, place, put, sealed, target
+from ..files import BLANK, Room, get, intact, malformed, place, put, sealed, target
 from ..numeric import shown
 from ..store_lock import LOCK, locked, unusable
 from .collected import KINDS, Answer, Storable
@@ -48,6 +48,10 @@ _MARK = b"\x89PMr"
 _HEAD = struct.Struct("<4scQIQI")
 """Mark, kind, member, number of the layout, length of the body, checksum of all of it."""
 _LAYOUT, _VALUES, _FAILURE = b"L", b"V", b"F"
+
+
+_PER_MEMBER = 100
+"""Bytes of memory of a member in the dataset, at least."""
 
 
 class Log:
@@ -107,6 +111,10 @@ def _frame(content: bytes, at: int) -> tuple[bytes, int, int, int, int] | None:
     if zlib.crc32(memoryview(content)[body : body + length], head) != check:
         return None
     return kind, member, layout, body, length
+
+
+def _not_understood(folder: Path, error: Exception) -> FileFormatError:
+    return _damaged(folder, f"its content is not that of a sweep ({type(error).__name__}: {error!s:.100})")
 
 
 def _damaged(path: Path, what: str) -> FileFormatError:
@@ -184,10 +192,12 @@ def load_sweep(path: Any) -> xarray.Dataset:
     extra("xarray", "xarray", "loading a sweep")
     folder = place(path)
     header = _header(folder)
-    members = _members(folder, header)
-    log = Log()
-    log.read(get(folder / LOG), folder, members.count)
-    return dataset(members, log.answers)
+    with malformed(lambda error: _not_understood(folder, error)):
+        members, log = _members(folder, header), Log()
+        content = get(folder / LOG, "result_bytes")
+        Room(folder, len(content)).take(_PER_MEMBER * members.count, "its members")
+        log.read(content, folder, members.count)
+        return dataset(members, log.answers)
 
 
 @contextmanager
@@ -202,8 +212,9 @@ def opened(path: Any, model: Callable[..., Any], members: Members) -> Iterator[S
     with locked(folder):
         log = Log()
         if (folder / HEADER).exists():
-            _compare(folder, _header(folder), header)
-            log.read(get(folder / LOG), folder, members.count)
+            with malformed(lambda error: _not_understood(folder, error)):
+                _compare(folder, _header(folder), header)
+                log.read(get(folder / LOG, "result_bytes"), folder, members.count)
         else:
             _check_empty(folder)
             _touch(folder / LOG)
@@ -304,11 +315,13 @@ def _header(folder: Path) -> dict[str, Any]:
         raise MissingFileError(
             f"there is no store {str(folder)!r}; the working folder is {Path.cwd()}", path=str(folder)
         )
-    content = get(folder / HEADER)
+    content = get(folder / HEADER, "result_bytes")
     if not intact(content):
         raise _damaged(folder, f"{HEADER} is not what was written")
-    header = json.loads(content)
-    if header["sweep"] > FORMAT:
+    with malformed(lambda error: _not_understood(folder, error)):
+        header: dict[str, Any] = json.loads(content)
+        later = header["sweep"] > FORMAT
+    if later:
         raise FileFormatError(
             f"the store {str(folder)!r} was written by Partita {header['partita']}, this is {version()}; update it",
             path=str(folder),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..naming import coordinate_units
-from ..result_view import LOAD_UNITS, NEGLIGIBLE, ResultView, given
+from ..result_view import LOAD_UNITS, NEGLIGIBLE, ResultView, given, understood
 
 FloatArray = NDArray[np.float64]
 
@@ -42,6 +42,11 @@ def curves(result: ResultView) -> tuple[list[dict[str, Any]], list[int], dict[st
 
 def efforts(result: ResultView) -> tuple[list[dict[str, Any]], FloatArray]:
     """The drives of joints, with the unit of their effort, and these efforts over time (nt, drives)."""
+    with understood(result):
+        return _efforts(result)
+
+
+def _efforts(result: ResultView) -> tuple[list[dict[str, Any]], FloatArray]:
     found, columns = [], []
     names = result.names
     v_units = coordinate_units(result.summary, names)[1]

@@ -20,7 +20,6 @@ ENDINGS = (".stl", ".obj", ".glb", ".gltf")
 MOST_TRIANGLES = 6000
 """For all meshes of a page together: the number a browser can draw between two frames without a graphics card."""
 FEWEST_TRIANGLES = 200
-SIZE = 128 * 2**20
 
 
 def load(path: str | os.PathLike[str]) -> tuple[FloatArray, NDArray[np.int_]]:
@@ -35,9 +34,7 @@ def load(path: str | os.PathLike[str]) -> tuple[FloatArray, NDArray[np.int_]]:
     ending = where.suffix.lower()
     if ending not in ENDINGS:
         raise ArgumentError(f'the mesh "{where}" must end in one of {", ".join(ENDINGS)}', argument="shapes")
-    content = get(where)
-    if len(content) > SIZE:
-        raise FileFormatError(f'the mesh "{where}" is larger than {SIZE // 2**20} MiB', path=str(where))
+    content = get(where, "mesh_bytes")
     trimesh = extra("trimesh", "meshes", "drawing a mesh")
     options: dict[str, Any] = {"skip_materials": True} if ending in (".obj", ".gltf", ".glb") else {}
     beside = _resolver(trimesh, where.parent)
@@ -64,7 +61,7 @@ def _resolver(trimesh: Any, folder: Path) -> Any:
             pass
 
         def get(self, name: str) -> bytes:
-            return get(inside(folder, name))
+            return get(inside(folder, name), "mesh_bytes")
 
         def namespaced(self, namespace: str) -> Any:
             return self

@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import ArgumentError
 from ..files import put, target
 from ..numeric import shown
-from ..result_view import ResultView, checked_run
+from ..result_view import ResultView, checked_run, understood
 from ..webpage import part_of, whole_page
 from .hints import solids, traced
 from .scene import describe
@@ -65,7 +65,8 @@ def html(
         )
     bodies = list(result.names.bodies)
     scene = describe(result, title, solids(shapes, bodies), traced(points, bodies))
-    return whole_page(__package__, scene["title"], slim(scene), SCRIPTS)
+    with understood(result):  # numbers that are not finite too
+        return whole_page(__package__, scene["title"], slim(scene), SCRIPTS)
 
 
 def write_html(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..result_view import FEW, ResultView, given, scales, turn_between_outputs
+from ..result_view import FEW, ResultView, given, scales, turn_between_outputs, understood
 from .couplings import Pictures, pictures
 from .curves import curves, efforts, loads_open
 from .geometry import outline, plane_normal, solid_of, view
@@ -39,6 +39,17 @@ def describe(
 
     The arrays are thinned and text for a page or, not `packed`, all there is.
     """
+    with understood(result):
+        return _described(result, title, solids, traced, packed)
+
+
+def _described(
+    result: ResultView,
+    title: str | None,
+    solids: Mapping[int, list[dict[str, Any]]] | None,
+    traced: Sequence[dict[str, Any]],
+    packed: bool,
+) -> dict[str, Any]:
     summary = result.summary or {}
     spec = result.spec or {}
     certificate = None if given(result) else result.certificate

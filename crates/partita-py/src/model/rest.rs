@@ -2,6 +2,7 @@
 
 use super::{Inner, Model, Table, Vector};
 use crate::arrays::{array, dense, indices, matrix, vector};
+use crate::ending::released;
 use crate::failure::{self, guarded};
 use crate::state::Array;
 use partita_analysis::equilibrium::{self as statics, Equilibrium, Point, Unknown};
@@ -51,7 +52,7 @@ impl Model {
             let (rows, _, numbers) = matrix(&known);
             let known: Vec<Vec<f64>> = (0..rows).map(|i| numbers[i * q.len()..][..q.len()].to_vec()).collect();
             let search = || statics::equilibrium(&self.inner, t, &q, stable, &known);
-            reported(py, py.detach(search).map_err(|e| failure::analysis(py, e))?)
+            reported(py, released(py, search).map_err(|e| failure::analysis(py, e))?)
         })
     }
 
@@ -60,7 +61,7 @@ impl Model {
         guarded(py, || {
             let nq = self.inner.size().nq;
             let (from, to) = (vector(&start, nq, "start")?, vector(&end, nq, "end")?);
-            py.detach(|| statics::is_connected(&self.inner, t, &from, &to)).map_err(|e| failure::analysis(py, e))
+            released(py, || statics::is_connected(&self.inner, t, &from, &to)).map_err(|e| failure::analysis(py, e))
         })
     }
 
@@ -68,7 +69,7 @@ impl Model {
     fn resting<'py>(&self, py: Python<'py>, t: f64, q: Vector<'py>) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let q = vector(&q, self.inner.size().nq, "q")?;
-            let found = py.detach(|| statics::describe(&self.inner, t, &q)).map_err(|e| failure::analysis(py, e))?;
+            let found = released(py, || statics::describe(&self.inner, t, &q)).map_err(|e| failure::analysis(py, e))?;
             reported(py, found)
         })
     }
@@ -95,7 +96,7 @@ impl Model {
                 Ok(Arc::new(self.inner.with_parameters(&changes)?))
             };
             let found =
-                py.detach(|| statics::family(&equations, t, &q, x, &asked)).map_err(|e| failure::analysis(py, e))?;
+                released(py, || statics::family(&equations, t, &q, x, &asked)).map_err(|e| failure::analysis(py, e))?;
             let d = PyDict::new(py);
             d.set_item("points", points(py, &found.points.iter().collect::<Vec<_>>(), nq)?)?;
             d.set_item("asked", points(py, &found.asked.iter().map(|x| &x.1).collect::<Vec<_>>(), nq)?)?;
@@ -121,7 +122,7 @@ impl Model {
         guarded(py, || {
             let q = vector(&q, self.inner.size().nq, "q")?;
             let unknown: Vec<Unknown> = unknown.into_iter().map(|(name, powers)| Unknown { name, powers }).collect();
-            py.detach(|| statics::preload(&self.inner, t, &q, &unknown)).map_err(|e| failure::analysis(py, e))
+            released(py, || statics::preload(&self.inner, t, &q, &unknown)).map_err(|e| failure::analysis(py, e))
         })
     }
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import argparse
 
+from ...errors import ArgumentError
 from ...extras import wanted
 from .folder import Folder
-from .limits import Limits
+from .limits import LEAST, Limits
 
 
 def mcp(arguments: argparse.Namespace) -> int:
@@ -18,5 +19,10 @@ def mcp(arguments: argparse.Namespace) -> int:
     wanted(("mcp", "jsonschema"), "mcp", "a Model Context Protocol server")
     from .server import serve
 
+    if arguments.memory < LEAST:
+        raise ArgumentError(
+            f"memory is {arguments.memory} MB; a call needs at least {LEAST} MB to begin: give --memory {LEAST}",
+            argument="memory",
+        )
     serve(Folder.of(arguments.root), Limits(arguments.seconds, arguments.memory))
     return 0

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 SECONDS, MEGABYTES = 30.0, 2048
 """Defaults of the two limits that the command line sets."""
 
+LEAST = 512
+"""Megabytes below which a call may fail before it has begun: Python, NumPy, SciPy and Matplotlib take some 400."""
+
 TEXT = 1_000_000
 """Characters of a model given as text: some ten thousand bodies."""
 

@@ -150,7 +150,8 @@ class Children:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             cwd=self._folder.path.anchor,
-            env={**os.environ, "PYTHONSAFEPATH": "1"},
+            # what the allocator of the core reserves is not to count before it is used
+            env={**os.environ, "PYTHONSAFEPATH": "1", "MIMALLOC_ARENA_EAGER_COMMIT": "0"},
         )
 
     async def answer(self, tool: str, arguments: dict[str, Any]) -> dict[str, Any]:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files import BLANK, sealed
-from ..content import Content, read_header
+from ...files import BLANK, Room, sealed
+from ..content import Content, header_within
 from ..record import read_exact
+from .matlab_elements import unpacked
 
 HEAD = 116
 """Bytes at the beginning that are free for a text; the format wants no zeros among the first four."""
@@ -47,12 +48,15 @@ def write(content: Content) -> bytes:
     return sealed(text + file.getvalue()[HEAD:])
 
 
-def read(content: bytes) -> tuple[dict[str, Any], Mapping[str, Any]]:
+def read(content: bytes, room: Room) -> tuple[dict[str, Any], Mapping[str, Any]]:
     """Header and arrays."""
     from scipy import io
 
-    found = io.loadmat(BytesIO(content))
-    header = read_header(str(found["partita"].item()))
+    plain = unpacked(content, room)
+    found = io.loadmat(BytesIO(plain))
+    account = str(found["partita"].item())
+    room.text(account.encode())
+    header = header_within(room, account)
     arrays = {name: found[name] for name in header["arrays"]}
     if SHIFTED in arrays:
         arrays[SHIFTED] = arrays[SHIFTED] - 1

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...extras import extra
-from ...files import BLANK, sealed
+from ...files import BLANK, Room, sealed
 from ..content import Content
 from ..dataset import as_header, dataset, unfilled
 
@@ -24,8 +24,13 @@ def write(content: Content) -> bytes:
     return sealed(bytes(stream.getbuffer()))
 
 
-def read(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays."""
+    h5py = extra("h5py", "netcdf", "reading NetCDF")
+    with h5py.File(BytesIO(content)) as file:
+        for item in file.values():  # before anything is read: a coordinate is so by opening alone
+            if isinstance(item, h5py.Dataset):
+                room.take((item.size or 0) * item.dtype.itemsize)
     xarray = extra("xarray", "netcdf", "reading NetCDF")
     with xarray.open_dataset(BytesIO(content), engine="h5netcdf") as found:
-        return as_header(found)
+        return as_header(found, room)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ...extras import extra
-from ...files import BLANK, sealed
-from ..content import Content, read_header
+from ...files import BLANK, Room, sealed
+from ..content import Content, header_within
 from ..table import column_names, columns, gathered
 
 PACKAGES = ("pyarrow",)
@@ -33,12 +33,17 @@ def write(content: Content) -> bytes:
     return sealed(stream.getvalue().to_pybytes())
 
 
-def read(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays."""
     pyarrow = extra("pyarrow", "parquet", "reading Parquet")
     parquet = extra("pyarrow.parquet", "parquet", "reading Parquet")
-    table = parquet.read_table(pyarrow.BufferReader(content))
-    header = read_header(table.schema.metadata[ACCOUNT].decode("ascii"))
+    file = parquet.ParquetFile(pyarrow.BufferReader(content))
+    groups = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
+    room.take(sum(max(group.total_byte_size, 8 * group.num_rows * group.num_columns, 0) for group in groups))
+    table = file.read()
+    account = table.schema.metadata[ACCOUNT]
+    room.text(account)
+    header = header_within(room, account.decode("ascii"))
     names = [name for name, _ in column_names(header)]
     if table.column_names != names:
         raise ValueError("its columns differ from its description")

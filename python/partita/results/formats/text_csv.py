@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import csv
-from io import StringIO
+from array import array
+from io import BytesIO, StringIO, TextIOWrapper
+from itertools import chain
 from typing import Any
 
-from ...files import BLANK, sealed
-from ..content import Content, read_header
+import numpy as np
+
+from ...files import BLANK, Room, sealed
+from ..content import Content, header_within
 from ..table import column_names, columns, gathered
 
+_PER_ENTRY = 66
+"""Bytes of memory of a short text in a list."""
 ACCOUNT = "partita"
 """The last column: its first entry holds the description, the others are empty."""
 
@@ -26,21 +32,28 @@ def write(content: Content) -> bytes:
     return sealed(file.getvalue().encode("utf-8"))
 
 
-def read(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays."""
+    room.take(_PER_ENTRY * max((line.count(b",") for line in BytesIO(content)), default=0), "its longest line")
     before = csv.field_size_limit(len(content) + 1)
     try:
-        titles, *rows = csv.reader(StringIO(content.decode("utf-8"), newline=""))
+        rows = csv.reader(TextIOWrapper(BytesIO(content), "utf-8", newline=""))
+        titles, first = next(rows), next(rows)
+        room.text(first[-1].encode())
+        header = header_within(room, first[-1])
+        units = column_names(header)
+        if titles != [*(_titled(name, unit) for name, unit in units), ACCOUNT]:
+            raise ValueError("its columns differ from its description")
+        numbers = array("d")
+        for row in chain([first], rows):
+            if len(row) != len(titles):
+                raise ValueError(f"a line has {len(row)} entries instead of {len(titles)}")
+            if row[0]:
+                numbers.extend(map(float, row[:-1]))
     finally:
         csv.field_size_limit(before)
-    header = read_header(rows[0][-1])
-    outputs = [row for row in rows if row[0]]
-    units = column_names(header)
-    if titles != [*(_titled(name, unit) for name, unit in units), ACCOUNT]:
-        raise ValueError("its columns differ from its description")
-    numbers = [[float(entry) for entry in row[:-1]] for row in outputs]
-    values = {name: [row[i] for row in numbers] for i, (name, _) in enumerate(units)}
-    return header, gathered(values, header)
+    table = np.frombuffer(numbers, dtype=float).reshape(-1, len(units)) if numbers else np.zeros((0, len(units)))
+    return header, gathered({name: table[:, i] for i, (name, _) in enumerate(units)}, header)
 
 
 def _titled(name: str, unit: str) -> str:

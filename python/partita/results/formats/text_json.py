@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...files import BLANK, sealed
+from ...files import BLANK, Room, sealed
 from ..content import TYPES, Content, read_header
 from ..record import plain
 
@@ -27,8 +27,9 @@ def document(content: Content) -> dict[str, Any]:
     return header
 
 
-def read(content: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays. Raises `json.JSONDecodeError`, `UnicodeDecodeError` or errors from malformed data."""
+    room.text(content)
     header = read_header(content.decode("utf-8"))
     arrays = header.get("arrays")
     if not isinstance(arrays, dict):
