@@ -20,7 +20,7 @@ from ..files import get
 from ..products import matmul, norm
 from . import closings
 from .format_table import content, remark
-from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
+from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, HIGHER, LIMITS, MJCF, ROTOR, TENDON, YIELD
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed, rotation_of
@@ -460,8 +460,7 @@ class _Reader:
         one, other, data = int(m.eq_obj1id[i]), int(m.eq_obj2id[i]), m.eq_data[i]
         follower = self.name("joint", one)
         if np.any(data[2:5]):
-            text = "a polynomial of higher order would couple two joints: add_cam"
-            self.dropped(at, text, self.described(at, f'equality "{name}"'))
+            self.dropped(at, HIGHER, self.described(at, f'equality "{name}"'))
         elif other < 0 or data[1] == 0.0:
             text = f'joint "{follower}" would stay at {data[0]:g}: add_drive'
             self.dropped(at, text, self.described(at, f'equality "{name}"'))

@@ -12,6 +12,7 @@ LIMITS = "limits do not act: add_stop"
 FLUID = "a fluid would resist the motion of all bodies"
 ROTOR = "a rotor or damper would act along more than one coordinate: add_rotor, add_bushing"
 YIELD = "the spring would give way beyond this deflection"
+HIGHER = "a polynomial of higher order would couple two joints: add_cam"
 TENDON = "this tendon would act along its length: add_torque with a function"
 _NUMERICS = "settings of the solver"
 _SOFT = "loops and couplings are held exactly, without this softness"
@@ -24,10 +25,10 @@ _CARRIED: Rows = (
     (DROPPED, "flexcomp*", _FLEX),
     (DROPPED, "plugin*", "a plugin may move the body"),
 )
-_SERVO = (
+SERVO = (
     "it would act even at zero control (its armature and damping do): add_drive prescribes motions, add_torque efforts"
 )
-_MOTOR = "it would act when driven (its armature and damping do): add_drive prescribes motions, add_torque efforts"
+MOTOR = "it would act when driven (its armature and damping do): add_drive prescribes motions, add_torque efforts"
 _MEASURES = (
     "touch accelerometer velocimeter gyro force torque magnetometer camprojection rangefinder jointpos jointvel "
     "tendonpos tendonvel actuatorpos actuatorvel actuatorfrc jointactuatorfrc tendonactuatorfrc ballquat ballangvel "
@@ -285,8 +286,8 @@ MJCF = Table(
             *_EQUALITY,
         ),
         "actuator": (
-            (BOUNDS, _many(DRIVEN), _MOTOR),
-            (DROPPED, _many(SERVOS), _SERVO),
+            (BOUNDS, _many(DRIVEN), MOTOR),
+            (DROPPED, _many(SERVOS), SERVO),
         ),
         "sensor": ((OTHER, _many(tuple(_MEASURES.split())), "measures, and moves nothing: add_sensor"),),
         "keyframe": ((OTHER, "key*", "a state that is stored: assemble(targets=...)"),),
