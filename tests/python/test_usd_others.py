@@ -273,8 +273,8 @@ def test_actuators_and_tendons_by_whether_they_act(tmp_path: Path) -> None:
         prim("MjcTendon", "thread"),
     ]
     m = loaded(tmp_path, body("a"), joint("RevoluteJoint", "A", ("", "a")), *parts)
-    expected = dict(pd="motion", idle="bounds", servo="motion", motor="bounds", band="motion", string="bounds",
-                    thread="other")  # fmt: skip
+    expected = {"pd": "motion", "idle": "bounds", "servo": "motion", "motor": "bounds", "band": "motion"}
+    expected |= {"string": "bounds", "thread": "other"}
     assert {name: kinds(m, f"/World/{name}") for name in expected} == {name: {x} for name, x in expected.items()}
     assert kinds(m, "add_rope") == {"bounds"}
 

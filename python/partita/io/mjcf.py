@@ -20,13 +20,31 @@ from ..files import get
 from ..products import matmul, norm
 from . import closings
 from .format_table import content, remark
-from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, HIGHER, LIMITS, MJCF, ROTOR, TENDON, YIELD
+from .mjcf_table import (
+    ACTUATORS,
+    CONTACT,
+    FLUID,
+    FRICTION,
+    HIGHER,
+    LIMITS,
+    MJCF,
+    MOTOR,
+    ROPE,
+    ROTOR,
+    SERVO,
+    TENDON,
+    YIELD,
+)
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed, rotation_of
 from .xmltree import Element, parse, refuse
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
+_LOOKS = ("texture", "skin")
+"""Elements whose files are never opened: what they look like moves nothing."""
+_BESIDE = ("include", "model")
+"""Elements that name files beside the model, whatever its folders of others."""
 _FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 _NAMES = ("name", "class", "childclass", "model")
 _INCLUDES = 64
@@ -57,14 +75,22 @@ def read(path: Path, request: Request) -> Robot:
 
 
 def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
-    """The model that MuJoCo makes of the file; its warnings are remarks, where it would print them and write a log."""
+    """The model that MuJoCo makes of the file, whose textures and skins it never opens; its warnings are remarks, where
+    it would print them and write a log."""
     warnings: list[str] = []
+    called = str(path) if path.suffix == ".xml" else f"{path}.xml"  # by which MuJoCo knows that it is MJCF
     before = mujoco.get_mju_user_warning() if hasattr(mujoco, "get_mju_user_warning") else None
     mujoco.set_mju_user_warning(warnings.append)
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        spec = mujoco.MjSpec.from_file(called, include={called: get(path)})
+        for texture in spec.textures:
+            texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
+            texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
+        for skin in list(spec.skins):
+            spec.delete(skin)
+        return spec.compile()
     except (ValueError, RuntimeError) as error:
-        message = " ".join(str(error).split())
+        message = " ".join(str(error).replace(called, str(path)).split())
         refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
     finally:
         mujoco.set_mju_user_warning(before)
@@ -80,23 +106,31 @@ class _Named:
     folder: Path
     root: Path
     files: list[tuple[Element, str]] = field(default_factory=list)
-    folders: list[str] = field(default_factory=lambda: [""])
+    folders: list[str] = field(default_factory=list)
     included: int = 0
     attached: list[Element] = field(default_factory=list)
 
     def add(self, element: Element, key: str) -> None:
         """The file or folder that an attribute names, if it does."""
         name = element.get(key)
+        if element.tag in _LOOKS or key == "texturedir":
+            return
         if PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != "":
             element.fail(f'names the file "{name}", an absolute path, which leads out of the folder of the model')
-        if name:
+        if name and key in _FOLDERS:
+            self.folders.append(name)
+        elif name:
             self.files.append((element, name))
-            self.folders += [name] if key in _FOLDERS else []
+
+    def within(self, element: Element) -> list[str]:
+        """The folders in which the file of an element may lie, relative to the model."""
+        own = [] if element.tag in _BESIDE else self.folders
+        return ["", *own] if not own or element.tag == "flexcomp" else own
 
     def stay(self) -> None:
         """Refuse names and links that lead out of the root."""
         for element, name in self.files:
-            for inner in self.folders:
+            for inner in self.within(element):
                 place = self.folder.resolve() / inner.replace("\\", "/") / name.replace("\\", "/")
                 if not Path(os.path.normpath(place)).is_relative_to(self.root):
                     element.fail(f'names the file "{name}", which leads out of {self._root()}')
@@ -239,10 +273,15 @@ class _Reader:
     def gears(self) -> None:
         """Rotors and dampers of actuators, which act behind their gears at joints."""
         m, kinds = self.model, self.mujoco.mjtJoint
-        for i in range(m.nu):
-            at, called = self.at(*ACTUATORS, name=self.name("actuator", i)), f'actuator "{self.name("actuator", i)}"'
+        written = self.written(ACTUATORS)
+        count = len(m.actuator_trnid)
+        for i in range(count):
+            called = f'actuator "{self.name("actuator", i)}"'
+            at = written[i] if len(written) == count else self.at(*ACTUATORS, name=self.name("actuator", i))
             armature = self.value("actuator_armature", i)
-            damping = self.law(called, at, "", i, "actuator_damping", i)[1]
+            damping = self.law(called, at, "", i, "actuator_damping", i)[1] + self.induced(i)
+            acts = self.acts(i)
+            self.dropped(at, SERVO if acts else MOTOR, self.described(at, called), "motion" if acts else "bounds")
             if armature == 0.0 and damping == 0.0:
                 continue
             j, ratio = int(m.actuator_trnid[i, 0]), float(m.actuator_gear[i, 0])
@@ -252,6 +291,38 @@ class _Reader:
                 self.geared[j] = (before[0] + ratio**2 * armature, before[1] + ratio**2 * damping)
             else:
                 self.dropped(at, ROTOR, f"{called} armature {armature:g}, damping {damping:g}")
+
+    def induced(self, i: int) -> float:
+        """The damping of a plain electric motor at zero voltage: constant^2 / resistance; 0 of other actuators."""
+        if self.acts(i) or self.law_of("Bias", "bias", i) != "DCMOTOR":
+            return 0.0
+        resistance, constant = (float(x) for x in self.model.actuator_gainprm[i][:2])
+        return constant**2 / resistance if resistance > 0.0 else 0.0
+
+    def law_of(self, kind: str, key: str, i: int) -> str:
+        """The name by which MuJoCo knows the gain, bias or dynamics of an actuator."""
+        found = getattr(self.mujoco, f"mjt{kind}")(int(getattr(self.model, f"actuator_{key}type")[i]))
+        return str(found.name).rpartition("_")[2]
+
+    def acts(self, i: int) -> bool:
+        """Whether an actuator does more at zero control than its rotor and its damping say."""
+        m, bias = self.model, self.law_of("Bias", "bias", i)
+        plugin = getattr(m, "actuator_plugin", None)
+        if plugin is not None and int(plugin[i]) >= 0:
+            return True
+        if bias == "DCMOTOR":  # beyond resistance and constant: a controller, inductance, cogging, friction, heat
+            more = (m.actuator_gainprm[i][2:], m.actuator_biasprm[i], m.actuator_dynprm[i])
+            return any(bool(np.any(numbers)) for numbers in more)
+        return bool(np.any(m.actuator_biasprm[i])) if bias == "AFFINE" else bias != "NONE"
+
+    def written(self, tags: tuple[str, ...]) -> list[Element]:
+        """Elements inside <actuator> with these tags, in the order of the file."""
+        found, waiting = list[Element](), [self.root]
+        while waiting:
+            element = waiting.pop()
+            found += [child for child in element.children if child.tag in tags and element.tag == "actuator"]
+            waiting += reversed(element.children)
+        return found
 
     def world(self) -> None:
         """What acts on all bodies, or between those that touch."""
@@ -352,7 +423,7 @@ class _Reader:
         stiffness, damping = self.law(called, at, "tendon_stiffness", i, "tendon_damping", i)
         if m.tendon_limited[i] and not self.off("limit", "constraint"):
             low, high = m.tendon_range[i]
-            self.dropped(at, LIMITS, f"{called} range {low:g} to {high:g}", "bounds")
+            self.dropped(at, ROPE, f"{called} range {low:g} to {high:g}", "bounds")
         if m.tendon_frictionloss[i] != 0.0 and not self.off("frictionloss", "constraint"):
             self.dropped(at, FRICTION, f"{called} frictionloss {m.tendon_frictionloss[i]:g}")
         if (rotor := self.value("tendon_armature", i)) != 0.0:

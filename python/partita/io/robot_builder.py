@@ -28,6 +28,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
     base = robot.request.base
     repair.links(robot)
     _rename_ground(robot)
+    _report_weightless(robot)
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
         robot.reading.shapes = shapes_of(robot, robot.world)
@@ -52,6 +53,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
     if grounded:
         robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground; {_FLOATS}'))
     elif base == "fixed":
+        robot.reading.standing = root
         mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
         robot.reading.changed.append(
             Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground; {_FLOATS}')
@@ -124,6 +126,17 @@ def _report_massless(robot: Robot) -> None:
             "nothing that it moves has mass or inertia, so its motion is indeterminate: give a link mass, or fix it"
         )
         robot.reading.changed += [Remark(robot.joints[name].at.line, remark, f'joint "{name}"') for name in still]
+
+
+def _report_weightless(robot: Robot) -> None:
+    """Links with inertia and without mass, which no body is."""
+    remark = (
+        "it has inertia and no mass, which no body has: it weighs nothing, and where nothing with mass moves along, "
+        "its motion is indeterminate: give it mass"
+    )
+    for name, link in robot.links.items():
+        if link.mass == 0.0 and np.any(link.inertia):
+            robot.reading.dropped.append(Remark(robot.line(link.at), remark, f'link "{name}"', "motion"))
 
 
 def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:

@@ -130,6 +130,7 @@ class Scope:
         self.named: dict[str, Element] = {}
         self.inner: dict[str, Scope] = {}
         self.merged: list[Scope] = []
+        self.missing: list[FileFormatError] = []
         self.known: dict[str, Array] = {"__model__": np.eye(4)}
         self.poses: dict[str, Array] = {} if outer is None else outer.poses
         self.placed: Array | None = None
@@ -144,6 +145,7 @@ class Scope:
                 except FileFormatError as error:
                     if outer is not None:
                         raise  # part of a model would be missing
+                    self.missing.append(error)
                     self.note("dropped", item, f"a model of the world is missing: {error.message}", "", "motion")
                     continue
                 self.nest(Scope(robot, model, its_version, its_files, reading, self), item)

@@ -16,8 +16,8 @@ from ..products import matmul, norm
 from .format_table import remark
 from .reading import Reading
 from .request import Request
-from .robot import Array, Joint, Loop, Robot, inverse, placed
-from .usd_bodies import EVEN, GROUND, rotation, short
+from .robot import Array, Joint, Loop, Robot, inverse
+from .usd_bodies import EVEN, GROUND, short
 from .usd_joints import CLOSED, Frames, apart, kind_of, limited, split
 from .usd_series import Series
 from .usd_stage import Prim, Stage, opened
@@ -130,24 +130,6 @@ class _Reader(Series):
         """A link, and a frame of the world in it."""
         assert self.made.poses is not None
         return link, frame if link == GROUND else matmul(inverse(self.made.poses[link]), frame)
-
-    def end(self, prim: Prim, side: int) -> tuple[str, Array]:
-        """The link on one side of a joint, and the frame of the joint in the world."""
-        key = f"physics:body{side}"
-        targets = prim.value(key) or []
-        if len(targets) > 1:
-            prim.fail(f"has {len(targets)} targets of {key}; a joint has one body on each side")
-        point = self.precise(prim, f"physics:localPos{side}", (0.0,) * 3)
-        word = f"physics:localRot{side}"
-        turn = rotation(prim, word, self.precise(prim, word, (1.0, 0.0, 0.0, 0.0)))
-        if not targets:
-            return GROUND, placed(self.length * point, turn)
-        at = self.stage.prims.get(targets[0])
-        if at is None:
-            prim.fail(f"joins {targets[0]} ({key}), which is not there")
-        carrier = self.carried[targets[0]]
-        frame = matmul(self.frame(at), placed(self.length * self.scale(at) * point, turn))
-        return (GROUND if carrier == GROUND else self.bodies[carrier].name), frame
 
     def distance(self, prim: Prim, name: str, links: tuple[str, str], frames: Frames) -> None:
         """Two points at a constant distance."""

@@ -47,8 +47,7 @@ class Efforts(Bodies):
             effort = replace(effort, coordinate=own, rotor=self.rotor(prim, axis))
             passive = replace(self.passive(prim, axis, drawn.get(axis, 0.0)), coordinate=own)
             if effort.stiffness == effort.damping == 0.0:
-                stays = {"rotor": effort.rotor, "constant": effort.constant}
-                effort, passive = replace(passive, **stays), Effort()
+                effort, passive = replace(passive, rotor=effort.rotor, constant=effort.constant), Effort()
             found += [] if effort.is_empty else [replace(effort, name=f"spring of {name}{along}" if several else "")]
             found += [] if passive.is_empty else [replace(passive, name=f"passive spring of {name}{along}")]
         if len([word for word in kind.free if len(word) == 2]) > sum(map(turns, kind.coordinates)):

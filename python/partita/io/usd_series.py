@@ -11,8 +11,8 @@ from itertools import combinations
 import numpy as np
 
 from ..products import matmul, norm
-from .robot import Array, Link
-from .usd_bodies import GROUND
+from .robot import Array, Link, placed
+from .usd_bodies import GROUND, rotation
 from .usd_joints import CLOSED, Frames, Kind, apart, kind_of
 from .usd_stage import Prim
 from .usd_table import OWN
@@ -30,7 +30,25 @@ _AWAY = (
 
 
 class Series(Ties):
-    """Bodies, and which of their joints stand in a series."""
+    """Bodies, the ends of joints on them, and which joints stand in a series."""
+
+    def end(self, prim: Prim, side: int) -> tuple[str, Array]:
+        """The link on one side of a joint, and the frame of the joint in the world."""
+        key = f"physics:body{side}"
+        targets = prim.value(key) or []
+        if len(targets) > 1:
+            prim.fail(f"has {len(targets)} targets of {key}; a joint has one body on each side")
+        point = self.precise(prim, f"physics:localPos{side}", (0.0,) * 3)
+        word = f"physics:localRot{side}"
+        turn = rotation(prim, word, self.precise(prim, word, (1.0, 0.0, 0.0, 0.0)))
+        if not targets:
+            return GROUND, placed(self.length * point, turn)
+        at = self.stage.prims.get(targets[0])
+        if at is None:
+            prim.fail(f"joins {targets[0]} ({key}), which is not there")
+        carrier = self.carried[targets[0]]
+        frame = matmul(self.frame(at), placed(self.length * self.scale(at) * point, turn))
+        return (GROUND if carrier == GROUND else self.bodies[carrier].name), frame
 
     def series(self, joints: list[Prim], names: dict[str, str]) -> dict[str, tuple[str, str]]:
         """The links that joints in series are between, by the paths of their prims; adds the massless ones."""
@@ -43,7 +61,7 @@ class Series(Ties):
         adding = self.adding(joints)
         found: dict[str, tuple[str, str]] = {}
         for ends, group in groups.items():
-            if len(group) < 2 or not self.meant(group):
+            if len(group) < 2 or not self.is_series(group):
                 continue
             stated = all(prim.get("name") in adding for prim in group)
             called = ", ".join(f'{prim.tag} "{prim.get("name")}"' for prim in group)
@@ -54,7 +72,7 @@ class Series(Ties):
                 self.remark(self.stage.root, _AT_ONCE, called)
         return found
 
-    def meant(self, group: list[Prim]) -> bool:
+    def is_series(self, group: list[Prim]) -> bool:
         """Whether joints of two bodies can be a series: each frees what the others lock."""
         kinds = [kind_of(prim) for prim in group]
         single = all(kind.word in ("revolute", "prismatic", "spherical") for kind in kinds)

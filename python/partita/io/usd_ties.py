@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .mjcf_table import HIGHER, MOTOR, SERVO, TENDON
+from .mjcf_table import HIGHER, MOTOR, ROPE, SERVO, TENDON
 from .robot import Tie
 from .usd_bodies import EVEN
 from .usd_efforts import Efforts
 from .usd_joints import Kind
 from .usd_stage import Prim
-from .usd_table import AXES, LIMITS, OWN
+from .usd_table import AXES, OWN
 
 _FOLLOWS = "it would follow another joint: add_coupler"
 _SINGLE = ("revolute", "prismatic")
@@ -44,7 +44,7 @@ class Ties(Efforts):
 
     def leader(self, prim: Prim, *keys: str) -> tuple[Known | None, str]:
         """The joint that a relationship names, and the words for it."""
-        targets = next((found for key in keys if (found := prim.value(key))), [])
+        targets: list[str] = next((found for key in keys if (found := prim.value(key))), [])
         return (self.known.get(targets[0]) if len(targets) == 1 else None), ", ".join(targets) or "nothing"
 
     def mimic(self, one: Known) -> None:

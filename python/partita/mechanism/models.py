@@ -11,8 +11,12 @@ from .. import options as run_options
 from ..builder import Builder
 from ..builder.compiled import CompiledModel, compile_description
 from ..builder.remarks import remarks
+from ..errors import DescriptionError
 from ..logger import logger
 from ..state import Layout
+
+_STILL = "every body is fixed to the ground"
+"""Words of the core where nothing is free."""
 
 
 class Modelled(Builder):
@@ -58,7 +62,15 @@ def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     version = self._description.version
     if wanted not in self._compiled or self._compiled[wanted][0] != version:
-        self._compiled[wanted] = (version, *compile_description(self._description.copy(), wanted))
+        try:
+            self._compiled[wanted] = (version, *compile_description(self._description.copy(), wanted))
+        except DescriptionError as error:
+            reading = getattr(self, "reading", None)
+            root = "" if reading is None else reading.standing
+            if not root or _STILL not in error.message:
+                raise
+            remedy = f'{error.message}, or let the root of the file, "{root}", float: base="free" in partita.load'
+            raise DescriptionError(remedy, **error.fields) from error
     return self._compiled[wanted][1]
 
 
