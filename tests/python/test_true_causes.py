@@ -102,6 +102,22 @@ def test_a_file_in_which_nothing_moves_says_how_its_root_floats(tmp_path: Path, 
     assert pt.load(path, base="free").compile().mobility == 6
 
 
+def test_a_massless_root_that_carries_a_weld_says_so_too(tmp_path: Path) -> None:
+    inertial = INERTIAL.format(y=0, mass=1, xx=1, yy=1, zz=1)
+    weld = '<joint name="T" type="fixed"><parent link="foot"/><child link="stone"/></joint>'
+    text = f'<robot name="r"><link name="foot"/><link name="stone">{inertial}</link>{weld}</robot>'
+    path = put(tmp_path, "a.urdf", text)
+    with pytest.raises(pt.errors.DescriptionError, match=r'let the root of the file, "foot", float: base="free"'):
+        pt.load(path).compile()
+    assert pt.load(path, base="free").compile().mobility == 6
+
+
+def test_a_file_without_mass_says_so(tmp_path: Path) -> None:
+    path = put(tmp_path, "a.urdf", '<robot name="plane"><link name="floor"/></robot>')
+    with pytest.raises(pt.errors.DescriptionError, match='its root, "floor", has no mass and is the ground'):
+        pt.load(path).compile()
+
+
 # ---- MJCF ----
 
 

@@ -50,10 +50,10 @@ def build(robot: Robot, mechanism: Builder) -> None:
     body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
     for name in order[int(grounded) :]:
         body[name] = _body(robot, mechanism, robot.links[name], pose[name])
+    robot.reading.standing = root if base == "fixed" else ""
     if grounded:
         robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground; {_FLOATS}'))
     elif base == "fixed":
-        robot.reading.standing = root
         mechanism.add_fixed(f"{root} stands", mechanism.ground, body[root])
         robot.reading.changed.append(
             Remark(robot.links[root].at.line, f'the root "{root}" is fixed to the ground; {_FLOATS}')

@@ -67,6 +67,9 @@ def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:
         except DescriptionError as error:
             reading = getattr(self, "reading", None)
             root = "" if reading is None else reading.standing
+            if root and not self._description.bodies:
+                why = f'the mechanism of the file has no bodies: its root, "{root}", has no mass and is the ground'
+                raise DescriptionError(f"{why}; give a link mass", **error.fields) from error
             if not root or _STILL not in error.message:
                 raise
             remedy = f'{error.message}, or let the root of the file, "{root}", float: base="free" in partita.load'
