@@ -255,6 +255,14 @@ def test_an_inertia_of_newton_precedes_moments(tmp_path: Path) -> None:
     assert np.array(m.bodies["a"].inertia) == pytest.approx(np.array(expected), abs=0)
 
 
+def test_a_shape_with_a_mass_of_zero_counts_with_its_volume(tmp_path: Path) -> None:
+    """As USD has it; MuJoCo means no mass, which a remark of the motion says."""
+    box = "PhysicsCollisionAPI PhysicsMassAPI"
+    cube = prim("Cube", "s", "double size = 0.1", "float physics:mass = 0", schemas=box)
+    m = loaded(tmp_path, prim("Xform", "a", cube, schemas="PhysicsRigidBodyAPI"))
+    assert m.bodies["a"].mass == pytest.approx(1.0) and kinds(m, "a mass of 0") == {"motion"}
+
+
 def test_gravity_that_is_compensated(tmp_path: Path) -> None:
     line = "custom float mjc:body:gravcomp = {}"
     assert loaded(tmp_path, body("a", line.format(1))).bodies["a"].gravity is False

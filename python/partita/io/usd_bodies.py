@@ -20,7 +20,7 @@ from .request import Request
 from .robot import Array, Link, Robot, inverse, nearest, placed, rotation_of
 from .usd_mass import APPROXIMATED, DENSITY, Part, about, axis_of, part, together
 from .usd_stage import Prim, Stage, own
-from .usd_table import CONTACT, OWN, PARTLY, SHELL, VELOCITY
+from .usd_table import CONTACT, NO_MASS, OWN, PARTLY, SHELL, VELOCITY
 
 EVEN = 1e-6
 """Relative error of a scale, and sine of a shear, in single precision: less is none."""
@@ -260,6 +260,8 @@ class Bodies:
                 self.remark(shape, "an approximation of the mesh, whose own volume is used", form, "changed")
             if str(shape.value("newton:massModel")) == "shell" or shape.flag("mjc:shellinertia", False):
                 self.remark(shape, SHELL)
+            if shape is not body.prim and shape.value("physics:mass") == 0.0:
+                self.remark(shape, NO_MASS, "physics:mass 0")
             weight = self.weight(shape) if shape is not body.prim else 0.0
             found = part(shape, body.frame, self.length, self.density(shape, body.prim), weight)
             if found is not None:

@@ -372,7 +372,8 @@ class _Tree:
                 self.reading.dropped.append(Remark(None, words, f'{prim.tag} "{prim.get("name")}" {key}'))
         owner = self.owner(key)
         if owner and owner not in applied and key not in own:
-            item = USD.items(USD.items("any")[prim.tag].context if prim.tag != "Prim" else "prim").get(f"@{key}")
+            known = USD.items("any").get(prim.tag)
+            item = USD.items("prim" if known is None else known.context).get(f"@{key}")
             acts = item is not None and item.rule in (APPLIED, COMPILED, DROPPED) and owner not in _CONTACT
             moves = acts and item is not None and not item.is_default(prim.attributes[key])
             words = f"without {owner}, which is not applied here, it means nothing to USD"

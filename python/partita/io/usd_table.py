@@ -19,6 +19,10 @@ FLUID = "a fluid would resist the motion of all bodies"
 FORCE = "a bound of the drive's effort does not act"
 FRICTION = "friction would resist the motion: add_friction"
 PARTLY = "gravity acts on a body fully or not at all"
+NO_MASS = (
+    "a mass of 0 says nothing in USD, so its volume counts with its density; where a shape without mass is meant, as "
+    "converters from MJCF write it: give the body its mass"
+)
 SHELL = "the mass would lie in the surface of this shape; it fills its volume"
 VELOCITY = "the body would start with this velocity: assemble(rates=...) gives a state one"
 OWN = "partita"
@@ -57,8 +61,8 @@ _XFORM = (
     (APPLIED, "@name @xformOp: @xformOpOrder", "where it is"),
     (
         LOOKS,
-        "@visibility @purpose @primvars: @material: @extent @doubleSided @orientation @inputs: @outputs: @info: "
-        "@subsetFamily:",
+        "@visibility @purpose @primvars: @material: @extent @extentsHint @doubleSided @orientation @inputs: @outputs: "
+        "@info: @subsetFamily:",
         "",
     ),
     (APPLIED, f"@{OWN}:name", "of files that Partita writes: a name that USD cannot have"),
@@ -78,7 +82,7 @@ _RIGID = (
     (NO_EFFECT, "@physics:simulationOwner", "the scene that it belongs to"),
     (
         APPLIED,
-        "@PhysicsMassAPI @physics:mass(0) @physics:density(0) @physics:centerOfMass @physics:diagonalInertia "
+        "@PhysicsMassAPI @physics:mass @physics:density(0) @physics:centerOfMass @physics:diagonalInertia "
         "@physics:principalAxes",
         "mass, centre of mass and inertia; what is not given follows from the shapes",
     ),
