@@ -87,6 +87,20 @@ def test_a_world_whose_models_are_missing_names_them_and_the_remedy(tmp_path: Pa
     assert "contains 0 models" in refusal(put(tmp_path, "e.sdf", '<sdf version="1.7"><world name="w"/></sdf>'))
 
 
+def test_a_file_in_which_all_is_static_says_so(tmp_path: Path) -> None:
+    static = SDF.format("<static>true</static>", "")
+    with pytest.raises(pt.errors.DescriptionError, match="all models of the file are static"):
+        pt.load(put(tmp_path, "a.sdf", static)).compile()
+    pytest.importorskip("pxr", reason="usd-core is an extra")
+    stage = put(tmp_path, "a.usda", '#usda 1.0\n(metersPerUnit = 1)\ndef Cube "c"\n{\n}\n')
+    with pytest.raises(pt.errors.DescriptionError, match="no prim of the file is an enabled rigid body"):
+        pt.load(stage).compile()
+
+
+def test_the_root_of_old_versions_is_named(tmp_path: Path) -> None:
+    assert "SDFormat up to 1.2" in refusal(put(tmp_path, "a.sdf", '<gazebo version="1.2"><model name="m"/></gazebo>'))
+
+
 def test_a_template_of_a_model_is_named(tmp_path: Path) -> None:
     words = refusal(put(tmp_path, "robot.urdf.xacro", "<robot/>"))
     assert "xacro FILE > robot.urdf" in words and "not known" not in words

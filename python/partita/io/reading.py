@@ -90,7 +90,7 @@ class Reading:
         used: what was read, counted in words.
         changed: what stands in the model otherwise than in the file.
         dropped: what the model does not have.
-        standing: the root of a robot that is fixed to the ground unless the caller lets it float; else "".
+        stands: why nothing moves where nothing does, with what to do; "" where the file does not say so.
         shapes: how its bodies look, where the file says so; `run.to_html(path, shapes=m.reading.shapes)` draws them.
     """
 
@@ -100,7 +100,7 @@ class Reading:
     changed: list[Remark] = field(default_factory=list)
     dropped: list[Remark] = field(default_factory=list)
     shapes: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
-    standing: str = ""
+    stands: str = ""
 
     @property
     def remarks(self) -> tuple[RemarkGroup, ...]:

@@ -20,7 +20,13 @@ from .reading import Remark
 from .robot import HEAVY, MASSLESS, Array, Effort, Link, Robot, nearest, placed
 from .xmltree import Element
 
-_FLOATS = 'base="free" in partita.load lets it float'
+_FREE = 'base="free" in partita.load'
+_FLOATS = f"{_FREE} lets it float"
+_STATIC = {
+    "SDFormat": "all models of the file are static, so their links are the ground: <static>false</static> frees one",
+    "USD": "no prim of the file is an enabled rigid body that is not kinematic: PhysicsRigidBodyAPI makes one of it",
+}
+"""Why a file that gives the poses of its links may have no body."""
 
 
 def build(robot: Robot, mechanism: Builder) -> None:
@@ -50,7 +56,10 @@ def build(robot: Robot, mechanism: Builder) -> None:
     body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
     for name in order[int(grounded) :]:
         body[name] = _body(robot, mechanism, robot.links[name], pose[name])
-    robot.reading.standing = root if base == "fixed" else ""
+    if grounded and len(order) == 1:
+        robot.reading.stands = f'its root, "{root}", has no mass and is the ground; give a link mass'
+    elif base == "fixed" and robot.reading.kind == "URDF":
+        robot.reading.stands = f'let the root of the file, "{root}", float: {_FREE}'
     if grounded:
         robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground; {_FLOATS}'))
     elif base == "fixed":
@@ -150,6 +159,7 @@ def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
 def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
     """A model that gives the poses of its links; its joints may close loops."""
     body: dict[str, Any] = {robot.world: mechanism.ground}
+    robot.reading.stands = "" if robot.links else _STATIC.get(robot.reading.kind, "")
     for name, link in robot.links.items():
         body[name] = _body(robot, mechanism, link, poses[name])
     for joint in robot.joints.values():

@@ -30,6 +30,10 @@ _RESERVED = (1, 7)
 def walked(path: Path, reading: Reading) -> tuple[Element, tuple[int, ...]]:
     """The root of a file, what is not read being reported, and its version."""
     root = parse(path)
+    if root.tag == "gazebo":
+        root.fail(
+            f"is the root of SDFormat up to 1.2; {VERSIONS[0]} to {VERSIONS[-1]} are read, to which gz sdf converts"
+        )
     if root.tag != "sdf":
         root.fail("is not <sdf>: this is not SDFormat")
     version = root.get("version")

@@ -66,14 +66,11 @@ def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:
             self._compiled[wanted] = (version, *compile_description(self._description.copy(), wanted))
         except DescriptionError as error:
             reading = getattr(self, "reading", None)
-            root = "" if reading is None else reading.standing
-            if root and not self._description.bodies:
-                why = f'the mechanism of the file has no bodies: its root, "{root}", has no mass and is the ground'
-                raise DescriptionError(f"{why}; give a link mass", **error.fields) from error
-            if not root or _STILL not in error.message:
+            still = not self._description.bodies or _STILL in error.message
+            if reading is None or not reading.stands or not still:
                 raise
-            remedy = f'{error.message}, or let the root of the file, "{root}", float: base="free" in partita.load'
-            raise DescriptionError(remedy, **error.fields) from error
+            words = "nothing in the file can move" if not self._description.bodies else error.message
+            raise DescriptionError(f"{words}: {reading.stands}", **error.fields) from error
     return self._compiled[wanted][1]
 
 
