@@ -97,6 +97,21 @@ def test_a_file_in_which_all_is_static_says_so(tmp_path: Path) -> None:
         pt.load(stage).compile()
 
 
+@pytest.mark.parametrize("inside", ["", '<body><geom size="1"/></body>'])
+def test_an_mjcf_without_joints_says_so(tmp_path: Path, inside: str) -> None:
+    pytest.importorskip("mujoco", reason="MuJoCo serves Python 3.11 and newer")
+    path = put(tmp_path, "a.xml", f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+    with pytest.raises(pt.errors.DescriptionError, match="no <body> of the file has a <joint>"):
+        pt.load(path).compile()
+
+
+def test_a_file_that_is_included_twice_has_no_line_0(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="MuJoCo serves Python 3.11 and newer")
+    put(tmp_path, "b.xml", "<mujoco><custom/></mujoco>")
+    words = refusal(put(tmp_path, "a.xml", '<mujoco><include file="b.xml"/><include file="b.xml"/></mujoco>'))
+    assert "already included" in words and '", line' not in words
+
+
 def test_the_root_of_old_versions_is_named(tmp_path: Path) -> None:
     assert "SDFormat up to 1.2" in refusal(put(tmp_path, "a.sdf", '<gazebo version="1.2"><model name="m"/></gazebo>'))
 

@@ -205,7 +205,8 @@ def _included(at: Element, path: Path, including: tuple[Path, ...], named: _Name
 def _line(message: str) -> int | None:
     words = message.replace(",", " ").replace("Line number=", "line ").split()
     at = next((i for i, word in enumerate(words[:-1]) if word.lower() == "line"), None)
-    return int(words[at + 1]) if at is not None and words[at + 1].isdigit() else None
+    found = int(words[at + 1]) if at is not None and words[at + 1].isdigit() else 0
+    return found or None  # MuJoCo says 0 where it does not know
 
 
 @dataclass(frozen=True)

@@ -56,9 +56,11 @@ def build(robot: Robot, mechanism: Builder) -> None:
     body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
     for name in order[int(grounded) :]:
         body[name] = _body(robot, mechanism, robot.links[name], pose[name])
-    if grounded and len(order) == 1:
+    if robot.reading.kind == "MJCF":
+        robot.reading.stands = "no <body> of the file has a <joint> or a <freejoint>, so all of it is the ground"
+    elif grounded and len(order) == 1:
         robot.reading.stands = f'its root, "{root}", has no mass and is the ground; give a link mass'
-    elif base == "fixed" and robot.reading.kind == "URDF":
+    elif base == "fixed":
         robot.reading.stands = f'let the root of the file, "{root}", float: {_FREE}'
     if grounded:
         robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground; {_FLOATS}'))
