@@ -105,11 +105,19 @@ def test_an_mjcf_without_joints_says_so(tmp_path: Path, inside: str) -> None:
         pt.load(path).compile()
 
 
-def test_a_file_that_is_included_twice_has_no_line_0(tmp_path: Path) -> None:
+def test_a_file_that_is_included_twice_is_named(tmp_path: Path) -> None:
+    """Within another include MuJoCo calls its line 0."""
     pytest.importorskip("mujoco", reason="MuJoCo serves Python 3.11 and newer")
     put(tmp_path, "b.xml", "<mujoco><custom/></mujoco>")
-    words = refusal(put(tmp_path, "a.xml", '<mujoco><include file="b.xml"/><include file="b.xml"/></mujoco>'))
-    assert "already included" in words and '", line' not in words
+    put(tmp_path, "c.xml", '<mujoco><worldbody><include file="b.xml"/></worldbody></mujoco>')
+    twice = '<mujoco><include file="b.xml"/><include file="c.xml"/></mujoco>'
+    words = refusal(put(tmp_path, "a.xml", twice))
+    assert "already included" in words and "line 0:" not in words
+
+
+def test_warnings_of_mujoco_are_remarks(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    m = mjcf(tmp_path, top='<compiler settotalmass="3"/>')
+    assert kinds(m, "MuJoCo warns: compiler attribute 'settotalmass'") == {"changed"} and not recwarn.list
 
 
 def test_the_root_of_old_versions_is_named(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ MuJoCo opens anything.
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -77,25 +78,29 @@ def read(path: Path, request: Request) -> Robot:
 def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
     """The model that MuJoCo makes of the file, whose textures and skins it never opens; its warnings are remarks, where
     it would print them and write a log."""
-    warnings: list[str] = []
+    said: list[str] = []
     called = str(path) if path.suffix == ".xml" else f"{path}.xml"  # by which MuJoCo knows that it is MJCF
     before = mujoco.get_mju_user_warning() if hasattr(mujoco, "get_mju_user_warning") else None
-    mujoco.set_mju_user_warning(warnings.append)
+    mujoco.set_mju_user_warning(said.append)
     try:
-        spec = mujoco.MjSpec.from_file(called, include={called: get(path)})
-        for texture in spec.textures:
-            texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
-            texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
-        for skin in list(spec.skins):
-            spec.delete(skin)
-        return spec.compile()
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always")
+            spec = mujoco.MjSpec.from_file(called, include={called: get(path)})
+            for texture in spec.textures:
+                texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
+                texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
+            for skin in list(spec.skins):
+                spec.delete(skin)
+            model = spec.compile()
+        said += [str(warning.message) for warning in heard]
+        return model
     except (ValueError, RuntimeError) as error:
         message = " ".join(str(error).replace(called, str(path)).split())
         refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
     finally:
         mujoco.set_mju_user_warning(before)
-        for warning in warnings:
-            words = " ".join(warning.split())
+        for warning in said:
+            words = " ".join(warning.replace(called, str(path)).split())
             reading.changed.append(Remark(_line(words), f"MuJoCo warns: {words}"))
 
 
