@@ -115,6 +115,14 @@ def test_a_file_that_is_included_twice_is_named(tmp_path: Path) -> None:
     assert "already included" in words and "line 0:" not in words
 
 
+@pytest.mark.parametrize("name", ["a.xml", "a.mjcf"])
+def test_what_includes_include_is_read_once(tmp_path: Path, name: str) -> None:
+    put(tmp_path, "parts/c.xml", "<mujoco><custom/></mujoco>")
+    put(tmp_path, "parts/b.xml", '<mujoco><include file="parts/c.xml"/><compiler angle="radian"/></mujoco>')
+    m = mjcf(tmp_path, top='<include file="parts/b.xml"/>', name=name)
+    assert list(m.bodies) == ["rod"]
+
+
 def test_warnings_of_mujoco_are_remarks(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     m = mjcf(tmp_path, top='<compiler settotalmass="3"/>')
     assert kinds(m, "MuJoCo warns: compiler attribute 'settotalmass'") == {"changed"} and not recwarn.list

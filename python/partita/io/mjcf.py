@@ -68,6 +68,10 @@ def read(path: Path, request: Request) -> Robot:
         raise MissingDependencyError(
             f'"{path}" is MJCF, which is read by MuJoCo\'s own parser: pip install partita[mujoco]', package="mujoco"
         ) from error
+    if not hasattr(mujoco, "MjVfs"):
+        raise MissingDependencyError(
+            f'"{path}" is MJCF, which is read by MuJoCo 4 or later: pip install -U mujoco', package="mujoco"
+        )
     reading = Reading(path, "MJCF")
     model = _compiled(mujoco, path, reading)
     for root in (found, *named.attached):
@@ -85,7 +89,7 @@ def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
     try:
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always")
-            spec = mujoco.MjSpec.from_file(called, include={called: get(path)})
+            spec = _parsed(mujoco, path, called)
             for texture in spec.textures:
                 texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
                 texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
@@ -102,6 +106,15 @@ def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
         for warning in said:
             words = " ".join(warning.replace(called, str(path)).split())
             reading.changed.append(Remark(_line(words), f"MuJoCo warns: {words}"))
+
+
+def _parsed(mujoco: Any, path: Path, called: str) -> Any:
+    """What the file specifies, by the name by which MuJoCo knows that it is MJCF."""
+    if called == str(path):
+        return mujoco.MjSpec.from_file(called)
+    with mujoco.MjVfs() as files:
+        files[called] = get(path)
+        return mujoco.MjSpec.from_file(called, vfs=files)
 
 
 @dataclass
