@@ -263,6 +263,21 @@ def test_a_shape_with_a_mass_of_zero_counts_with_its_volume(tmp_path: Path) -> N
     assert m.bodies["a"].mass == pytest.approx(1.0) and kinds(m, "a mass of 0") == {"motion"}
 
 
+def test_a_welded_body_may_have_no_mass(tmp_path: Path) -> None:
+    """The base of a robot, as MuJoCo and its converter leave it; a body that moves needs mass."""
+    base, tip = (prim("Xform", name, schemas="PhysicsRigidBodyAPI") for name in ("base", "tip"))
+    root, end = joint("FixedJoint", "R", ("", "base")), joint("FixedJoint", "T", ("a", "tip"))
+    arm = body("a"), joint("RevoluteJoint", "A", ("base", "a"))
+    m = loaded(tmp_path, base, root, *arm, tip, end)
+    assert m.compile().mobility == 1 and m.bodies["base"].mass == m.bodies["tip"].mass == 0.0
+    assert kinds(m, "welded to the ground") == {"changed"} and kinds(m, "welded to a body that moves") == {"motion"}
+    assert m.compile().mass_matrix(np.zeros(1)) == pytest.approx(
+        loaded(tmp_path, body("a"), joint("RevoluteJoint", "A", ("", "a"))).compile().mass_matrix(np.zeros(1))
+    )
+    with pytest.raises(pt.errors.FileFormatError, match='"/World/base" has no mass, and no shape'):
+        loaded(tmp_path, base, *arm)
+
+
 def test_gravity_that_is_compensated(tmp_path: Path) -> None:
     line = "custom float mjc:body:gravcomp = {}"
     assert loaded(tmp_path, body("a", line.format(1))).bodies["a"].gravity is False

@@ -20,7 +20,7 @@ from .request import Request
 from .robot import Array, Link, Robot, inverse, nearest, placed, rotation_of
 from .usd_mass import APPROXIMATED, DENSITY, Part, about, axis_of, part, together
 from .usd_stage import Prim, Stage, own
-from .usd_table import CONTACT, NO_MASS, OWN, PARTLY, SHELL, VELOCITY
+from .usd_table import CONTACT, NO_MASS, OWN, PARTLY, SHELL, VELOCITY, WELDED
 
 EVEN = 1e-6
 """Relative error of a scale, and sine of a shear, in single precision: less is none."""
@@ -107,9 +107,26 @@ class Bodies:
             self.carried[path] = path if path in paths else above
             if path in paths:
                 self.bodies[path] = Body(names[path], prim, self.frame(prim))
+        self.welds = self.welded()
         for prim in self.prims:
             if prim.has("PhysicsMassAPI") and prim.get("name") not in paths and not prim.has("PhysicsCollisionAPI"):
                 self.remark(prim, "a mass of what is neither a body nor a shape that collides is not used", "", "other")
+
+    def welded(self) -> dict[str, bool]:
+        """Bodies that are welded to others, by their paths, and whether to the ground in the end."""
+        pairs = [
+            [
+                self.carried.get(found[0], GROUND) if (found := prim.value(f"physics:body{i}")) else GROUND
+                for i in (0, 1)
+            ]
+            for prim in self.prims
+            if prim.tag == "PhysicsFixedJoint" and prim.flag("physics:jointEnabled", True)
+        ]
+        still, more = {GROUND}, True
+        while more:
+            joined = {end for pair in pairs if still & set(pair) for end in pair} - still
+            still, more = still | joined, bool(joined)
+        return {end: end in still for one, other in pairs if one != other for end in (one, other)}
 
     def is_body(self, prim: Prim) -> bool:
         """Whether a prim is a body that moves."""
@@ -210,6 +227,12 @@ class Bodies:
             whole = self.whole(body, shapes)
             if whole is None and needed:
                 lacks = "no mass" if mass == 0.0 else "no inertia"
+                if body.prim.get("name") in self.welds:
+                    still = self.welds[body.prim.get("name")]
+                    words = f"{lacks} is given, and it is welded to the ground" if still else WELDED.format(lacks)
+                    self.remark(prim, words, "", "changed" if still else "motion")
+                    com = self.precise(prim, "physics:centerOfMass", (0.0,) * 3) if given_com else np.zeros(3)
+                    return Link(body.name, mass, length * self.scale(prim) * com, np.zeros((3, 3)), prim)
                 prim.fail(
                     f"has {lacks}, and no shape that collides whose volume gives it: "
                     "give physics:mass and physics:diagonalInertia"

@@ -24,6 +24,7 @@ NO_MASS = (
     "converters from MJCF write it: give the body its mass"
 )
 SHELL = "the mass would lie in the surface of this shape; it fills its volume"
+WELDED = "{} is given, so it has none; it is welded to a body that moves, and other programs may give it 1 kg"
 VELOCITY = "the body would start with this velocity: assemble(rates=...) gives a state one"
 OWN = "partita"
 """Namespace of attributes that hold in double precision what USD has in single."""
