@@ -82,10 +82,10 @@ def read(path: Path, request: Request) -> Robot:
 def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
     """The model that MuJoCo makes of the file, whose textures and skins it never opens; its warnings are remarks, where
     it would print them and write a log."""
-    said: list[str] = []
+    messages: list[str] = []
     called = str(path) if path.suffix == ".xml" else f"{path}.xml"  # by which MuJoCo knows that it is MJCF
     before = mujoco.get_mju_user_warning() if hasattr(mujoco, "get_mju_user_warning") else None
-    mujoco.set_mju_user_warning(said.append)
+    mujoco.set_mju_user_warning(messages.append)
     try:
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always")
@@ -96,14 +96,14 @@ def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
             for skin in list(spec.skins):
                 spec.delete(skin)
             model = spec.compile()
-        said += [str(warning.message) for warning in heard]
+        messages += [str(warning.message) for warning in heard]
         return model
     except (ValueError, RuntimeError) as error:
         message = " ".join(str(error).replace(called, str(path)).split())
         refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
     finally:
         mujoco.set_mju_user_warning(before)
-        for warning in said:
+        for warning in messages:
             words = " ".join(warning.replace(called, str(path)).split())
             reading.changed.append(Remark(_line(words), f"MuJoCo warns: {words}"))
 
