@@ -39,6 +39,8 @@ BASES = ("fixed", "free")
 """What becomes of the root of a robot's file."""
 INERTIAS = ("strict", "repair")
 """What becomes of an inertia in a file that no body can have."""
+SERIALS = ("stated", "auto")
+"""Where joints between the same two bodies of a file are one after the other."""
 RESOLVED = 16
 """A run whose time, divided by this, is lost beside its start has no times of its own."""
 OUTPUTS = 201

@@ -159,18 +159,20 @@ def test_inputs_that_change_act_over_their_steps(version: str, tmp_path: Path, o
 
 
 def test_a_joint_and_a_drive_as_inputs(version: str, tmp_path: Path, opened: Any) -> None:
-    """The rate of a drive is reached at the end of each step; its effort is that of the same run with a table."""
+    """The rate of a drive of velocities varies linearly; its effort is that of the same run with a function."""
     m = pt.catalogue.load("four-bar")
     m.add_drive("A", velocity=1.0, name="crank")
     one = opened(written(m, tmp_path, inputs=["crank", "D"], outputs=["A", "A.effort"], version=version))
     one.begin(5.0)
     assert abs(one.get(0)[0] - 1.0) < 1e-12
-    angle = one.get(2)[0]
+    angle = one.get(3)[0]
     for k, rate in enumerate((1.0, 1.5, 0.5)):
-        before = one.get(3)[0]
-        assert one.set(0, rate) == 0 and one.set(1, 0.3) == 0 and one.step(5.0 + k * STEP) == 0, one.messages
+        before = one.get(4)[0]
+        for reference, value in enumerate((before, (rate - before) / STEP, 0.3)):
+            assert one.set(reference, value) == 0
+        assert one.step(5.0 + k * STEP) == 0, one.messages
         angle += 0.5 * (before + rate) * STEP
-        assert np.abs(np.array(one.get(2, 3)) - (angle, rate)).max() < 1e-12
+        assert np.abs(np.array(one.get(3, 4)) - (angle, rate)).max() < 1e-12
     other = pt.catalogue.load("four-bar")
     growth = -1.0 / STEP
     first = angle - 0.5 * (1.5 + 0.5) * STEP
@@ -179,8 +181,85 @@ def test_a_joint_and_a_drive_as_inputs(version: str, tmp_path: Path, opened: Any
     other.add_torque("D", value=0.3)
     start = other.assemble(near=drawn)
     r = other.simulate(STEP, initial=start, rtol=1e-11, atol=1e-13)
-    effort = one.get(4)[0]
+    effort = one.get(5)[0]
     assert abs(r.joint("A").drive[-1, 0] - effort) < 1e-7 * max(1.0, abs(effort))
+
+
+def lift(driven: bool = True) -> pt.Mechanism:
+    """1 kg on a slide, moved by a drive of positions."""
+    m = pt.Mechanism("lift", gravity=(0, 0, -9.81))
+    load = m.add_body("load", mass=1.0, inertia=(1, 1, 1))
+    m.add_prismatic("S", m.ground, load, point=(0, 0, 0), axis=(0, 0, 1))
+    if driven:
+        m.add_drive("S", position=0.0, name="lift")
+    return m
+
+
+def stroke(t: float) -> tuple[float, float, float]:
+    """A motion of 10 mm from rest, with its rate and its acceleration."""
+    w = 10 * np.pi
+    return 0.01 * (1 - np.cos(w * t)), 0.01 * w * np.sin(w * t), 0.01 * w * w * np.cos(w * t)
+
+
+def derivatives(one: Instance, orders: dict[int, float]) -> int:
+    """Set derivatives of the first input (FMI 2.0)."""
+    count = len(orders)
+    references, kinds = (ctypes.c_uint32 * count)(*[0] * count), (ctypes.c_int * count)(*orders)
+    values = (ctypes.c_double * count)(*orders.values())
+    return one.call("SetRealInputDerivatives", references, ctypes.c_size_t(count), kinds, values)
+
+
+@pytest.mark.parametrize("given", ["variables", "derivatives", "positions alone"])
+def test_a_drive_follows_positions_with_their_derivatives(given: str, tmp_path: Path, opened: Any) -> None:
+    """At steps of 10 ms it is where the input says, within h^3 / 6 of the third derivative, and accelerates within h of
+    it; positions alone are a step late."""
+    one, step, worst, wrong = (
+        opened(written(lift(), tmp_path, inputs=["lift"], outputs=["S", "S.effort"])),
+        0.01,
+        0.0,
+        0.0,
+    )
+    assert [*one.references][:3] == ["lift", "lift.rate", "lift.acceleration"]
+    one.begin()
+    for k in range(40):
+        position, rate, growth = stroke(k * step)
+        assert one.set(0, position) == 0
+        if given == "variables":
+            assert one.set(1, rate) == 0 and one.set(2, growth) == 0
+        elif given == "derivatives":
+            assert derivatives(one, {1: rate, 2: growth}) == 0
+        assert one.step(k * step, step) == 0, one.messages
+        position, rate, growth = stroke((k + 1) * step)
+        worst = max(worst, abs(one.get(3)[0] - position))
+        if k > 1:
+            wrong = max(wrong, abs(one.get(5)[0] - 9.81 - growth))
+    third = 0.01 * (10 * np.pi) ** 3 * step**3 / 6
+    if given == "positions alone":
+        assert 0.9 * step * 0.01 * 10 * np.pi < worst < 1.1 * step * 0.01 * 10 * np.pi
+    else:
+        assert worst < 1.01 * third and wrong < 6.06 * third / step**2
+
+
+def test_derivatives_of_inputs_are_checked(tmp_path: Path, opened: Any) -> None:
+    m = lift()
+    m.add_torque("S", value=0.0, name="push")
+    one = opened(written(m, tmp_path, inputs=["lift"], outputs=["S"]))
+    one.begin()
+    for orders, words in (({3: 1.0}, "up to order 2, not 3"), ({0: 1.0}, "up to order 2, not 0"),
+                          ({-1: 1.0}, "negative"), ({1: np.nan}, "derivative 1 of value 0 is NaN")):  # fmt: skip
+        assert derivatives(one, orders) == 3 and words in one.messages[-1], one.messages
+    push = opened(written(four_bar(), tmp_path, inputs=["motor"], outputs=["A", "A.effort"]))
+    push.begin()
+    assert derivatives(push, {1: 3.0}) == 0 and push.step(0.0) == 0
+    assert derivatives(push, {2: 3.0}) == 3 and "up to order 1" in push.messages[-1]
+
+
+def test_an_effort_with_a_derivative_varies_over_the_step(tmp_path: Path, opened: Any) -> None:
+    """Half a ramp more: velocity = integral of 2 + 3 t over 1 kg."""
+    one = opened(written(lift(driven=False), tmp_path, inputs=["S"], outputs=["S"]))
+    one.begin()
+    assert one.set(0, 9.81 + 2.0) == 0 and derivatives(one, {1: 3.0}) == 0 and one.step(0.0, 0.5) == 0
+    assert one.get(2)[0] == pytest.approx(2 * 0.5 + 3 * 0.5**2 / 2, rel=1e-9)
 
 
 def test_a_state_is_come_back_to(version: str, tmp_path: Path, opened: Any) -> None:

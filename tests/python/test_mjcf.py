@@ -119,7 +119,7 @@ def test_joints_that_follow_and_what_is_left_out(tmp_path: Path) -> None:
         ('<!DOCTYPE a [<!ENTITY b "c">]><mujoco/>', "document type"),
         ('<mujoco><include file="../../etc/passwd"/></mujoco>', "leads out of the folder"),
         ('<mujoco><asset><mesh name="a" file="/etc/passwd"/></asset></mujoco>', "leads out of the folder"),
-        (r'<mujoco><compiler meshdir="..\x"/></mujoco>', "leads out of the folder"),
+        (r'<mujoco><compiler meshdir="..\x"/><asset><mesh file="a.stl"/></asset></mujoco>', "leads out of the folder"),
         ('<mujoco><include file="model.xml"/></mujoco>', "are circular"),
         ("<what/>", "neither <robot>"),
     ],

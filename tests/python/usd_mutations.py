@@ -135,6 +135,76 @@ def machine() -> str:
     return usd(scene, *bodies, *joints, kilogramsPerUnit="2", metersPerUnit="0.5")
 
 
+def others() -> str:
+    """A stage with what Newton and MuJoCo add to USD."""
+    scene = prim("PhysicsScene", "scene", "float physics:gravityMagnitude = 5", "bool newton:gravityEnabled = 1",
+                 'uniform token mjc:compiler:angle = "radian"', "uniform bool mjc:flag:constraint = 0",
+        *(f"uniform bool mjc:flag:{flag} = 1" for flag in ("gravity", "spring", "damper", "equality")),
+                 "double mjc:option:density = 1", "double mjc:option:viscosity = 1",
+                 "double3 mjc:option:wind = (1, 0, 0)", "double mjc:compiler:setTotalMass = 3",
+                 "bool mjc:compiler:balanceInertia = 1", "double mjc:compiler:boundMass = 1",
+                 "double mjc:compiler:boundInertia = 1", 'uniform token mjc:compiler:inertiaFromGeom = "true"',
+                 schemas="NewtonSceneAPI MjcSceneAPI")  # fmt: skip
+    cube = prim("Cube", "s", "double size = 0.3", 'uniform token newton:massModel = "shell"',
+                'uniform token mjc:inertia = "shell"', schemas="PhysicsCollisionAPI NewtonMassAPI")  # fmt: skip
+    tube = prim("Cube", "t", "double size = 0.3", "uniform bool mjc:shellinertia = 1", schemas="PhysicsCollisionAPI")
+    ball = [
+        line
+        for key in ("stiffness", "damping", "targetPosition", "targetVelocity", "maxForce")
+        for line in [f"float drive:rotX:physics:{key} = 1"]
+    ]
+    laws = [
+        "float newton:armature = 0.1", "float newton:damping = 0.2", "double mjc:stiffness = 3",
+        "double mjc:springref = 0.4", "double mjc:ref = 0.1", "double mjc:springdamper = 1",
+        "float newton:friction = 0.1", "double mjc:frictionloss = 0.1", "float newton:velocityLimit = 3",
+        "float newton:limitStiffness = 3", "float newton:limitDamping = 3", "double mjc:margin = 0.1",
+        "double mjc:solreflimit = 3", "double mjc:solimplimit = 3", "double mjc:solreffriction = 3",
+        "double mjc:solimpfriction = 3", 'uniform token mjc:actuatorfrclimited = "true"',
+        "double mjc:actuatorfrcrange:min = -1", "double mjc:actuatorfrcrange:max = 1",
+        "bool mjc:actuatorgravcomp = 1",
+    ]  # fmt: skip
+    follows = [
+        "rel newton:mimicJoint = </World/A>", "float newton:mimicCoef0 = 20", "float newton:mimicCoef1 = 2",
+        "double mjc:armature = 0.1", "double mjc:damping = 0.1",
+    ]  # fmt: skip
+    bends = ["rel mjc:target = </World/A>", "double mjc:coef0 = 0.3", "double mjc:coef1 = 2", "double mjc:coef2 = 1",
+             "double mjc:coef3 = 1", "double mjc:coef4 = 1", "bool newton:mimicEnabled = 1"]  # fmt: skip
+    off = ["rel newton:mimicJoint = </World/A>", "bool newton:mimicEnabled = 0"]
+    joints = [
+        joint("RevoluteJoint", "A", ("", "a"), *laws, schemas="NewtonJointAPI MjcJointAPI"),
+        joint("RevoluteJoint", "B", ("a", "b"), *follows, schemas="NewtonMimicAPI"),
+        joint("RevoluteJoint", "C", ("b", "c"), *bends, schemas="MjcEqualityJointAPI"),
+        joint("RevoluteJoint", "D", ("b", "d"), *off, schemas="NewtonMimicAPI"),
+        joint("FixedJoint", "E", ("", "e"), "double mjc:solref = 3", "double mjc:solimp = 3",
+              "float mjc:torqueScale = 2", schemas="MjcEqualityWeldAPI"),
+        joint("SphericalJoint", "F", ("", "f"), *ball, schemas="PhysicsDriveAPI:rotX"),
+        joint("PrismaticJoint", "G", ("f", "g"), 'uniform token physics:axis = "Y"'),
+        joint("RevoluteJoint", "H", ("f", "g"), 'uniform token physics:axis = "Z"'),
+    ]  # fmt: skip
+    bodies = [
+        body("a", "double[] newton:inertia = [0.3, 0.2, 0.4, 0.01, 0.02, 0.03]", schemas="NewtonMassAPI").replace(
+            "float3 physics:diagonalInertia = (0.1, 0.2, 0.3)", ""
+        ),
+        body("b", "float mjc:body:gravcomp = 0.5"), body("c"), body("d"),
+        prim("Xform", "e", cube, schemas="PhysicsRigidBodyAPI"),
+        prim("Xform", "f", tube, schemas="PhysicsRigidBodyAPI"),
+        body("g", "bool newton:jointsAddMobility = 1", "float newton:x = 1", "float mjc:x = 1",
+             schemas="NewtonArticulationRootAPI"),
+    ]  # fmt: skip
+    target = "rel newton:targets = </World/A>"
+    acting = [
+        prim("NewtonActuator", "P", target, "float newton:kp = 3", "float newton:kd = 3", "float newton:ki = 3",
+             "float newton:constEffort = 3", schemas="NewtonPIDControlAPI"),
+        prim("NewtonActuator", "N", target, schemas="NewtonNeuralControlAPI"),
+        prim("MjcActuator", "M", "rel mjc:target = </World/A>", 'uniform token mjc:biasType = "affine"'),
+        prim("MjcTendon", "T", "double mjc:stiffness = 1", "double mjc:damping = 1", "double mjc:armature = 1",
+             "double mjc:frictionloss = 1"),
+        prim("MjcTendon", "R", "double mjc:range:min = 1", "double mjc:range:max = 2"),
+        prim("MjcKeyframe", "K", "double[] mjc:qpos = [1]"),
+    ]  # fmt: skip
+    return usd(scene, *bodies, *joints, *acting, metersPerUnit="0.5")
+
+
 def written() -> str:
     """A stage as Partita writes it, with all that stands beside USD's own."""
     m = pt.Mechanism("the machine", gravity=(1 / 3, 0, -29 / 3))
@@ -161,7 +231,7 @@ def written() -> str:
         return path.read_text("utf-8")
 
 
-STAGES: dict[str, Callable[[], str]] = {"machine": machine, "written": written}
+STAGES: dict[str, Callable[[], str]] = {"machine": machine, "others": others, "written": written}
 
 
 def changes(layer: Any) -> Iterator[tuple[str, Callable[[Any], None]]]:

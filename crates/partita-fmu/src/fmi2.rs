@@ -154,6 +154,8 @@ operations! {
     fmi2ExitInitializationMode() = exit;
     fmi2Terminate() = terminate;
     fmi2Reset() = reset;
+    fmi2SetRealInputDerivatives(
+        references: *const Reference, count: usize, orders: *const c_int, values: *const c_double) = differentiate;
     fmi2GetFMUstate(kept: *mut *mut StoredState) = keep;
     fmi2SetFMUstate(kept: *mut StoredState) = restore;
     fmi2FreeFMUstate(kept: *mut *mut StoredState) = forget;
@@ -175,8 +177,6 @@ unsupported! {
     fmi2GetDirectionalDerivative(
         unknowns: *const Reference, count: usize, knowns: *const Reference, known: usize, seed: *const c_double,
         result: *mut c_double);
-    fmi2SetRealInputDerivatives(
-        references: *const Reference, count: usize, orders: *const c_int, values: *const c_double);
     fmi2GetRealOutputDerivatives(
         references: *const Reference, count: usize, orders: *const c_int, values: *mut c_double);
     fmi2GetStatus(kind: c_int, value: *mut c_int);

@@ -9,49 +9,87 @@ type Failure = Box<dyn Error + Send + Sync>;
 /// An input over a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Course {
-    /// A constant effort.
-    Effort(f64),
-    /// A position from (t, x), its rate, and its constant acceleration.
+    /// An effort that varies linearly from t.
+    Effort {
+        /// Since when (s).
+        t: f64,
+        /// Its value at that time.
+        value: f64,
+        /// Its rate.
+        slope: f64,
+    },
+    /// A position from (t, x), a polynomial of fifth degree.
     Motion {
         /// Since when (s).
         t: f64,
-        /// Its position at that time.
-        x: f64,
-        /// Rate then.
-        rate: f64,
-        /// Acceleration.
-        growth: f64,
+        /// Position, rate and acceleration at that time.
+        start: [f64; 3],
+        /// Its coefficients of third to fifth degree.
+        bends: [f64; 3],
     },
 }
 
 impl Course {
     /// How many numbers one is.
-    pub const NUMBERS: usize = 5;
+    pub const NUMBERS: usize = 8;
+
+    /// The motion from a position, a rate and an acceleration at time t to others after a span.
+    pub fn between(t: f64, start: [f64; 3], span: f64, end: [f64; 3]) -> Self {
+        let [x, rate, growth] = start;
+        let square = span * span;
+        // what a constant acceleration lacks, each as a length
+        let lacks = [
+            end[0] - x - (rate + 0.5 * growth * span) * span,
+            (end[1] - rate - growth * span) * span,
+            0.5 * (end[2] - growth) * square,
+        ];
+        let [d, v, a] = lacks;
+        let bends = [
+            (10.0 * d - 4.0 * v + a) / (square * span),
+            (-15.0 * d + 7.0 * v - 2.0 * a) / (square * square),
+            (6.0 * d - 3.0 * v + a) / (square * square * span),
+        ];
+        Self::Motion { t, start, bends }
+    }
 
     /// The course as numbers, the first of which says of which kind it is.
     pub fn numbers(&self) -> [f64; Self::NUMBERS] {
         match *self {
-            Self::Effort(value) => [0.0, value, 0.0, 0.0, 0.0],
-            Self::Motion { t, x, rate, growth } => [1.0, t, x, rate, growth],
+            Self::Effort { t, value, slope } => [0.0, t, value, slope, 0.0, 0.0, 0.0, 0.0],
+            Self::Motion { t, start: [x, v, a], bends: [c, d, e] } => [1.0, t, x, v, a, c, d, e],
         }
     }
 
     /// The course of such numbers.
     pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
         match *numbers {
-            [kind, value, ..] if kind == 0.0 && numbers.len() == Self::NUMBERS => Some(Self::Effort(value)),
-            [_, t, x, rate, growth] => Some(Self::Motion { t, x, rate, growth }),
+            [kind, t, value, slope, ..] if kind == 0.0 && numbers.len() == Self::NUMBERS => {
+                Some(Self::Effort { t, value, slope })
+            }
+            [_, t, x, v, a, c, d, e] => Some(Self::Motion { t, start: [x, v, a], bends: [c, d, e] }),
             _ => None,
+        }
+    }
+
+    /// The same from another time.
+    pub fn from(self, since: f64) -> Self {
+        match self {
+            Self::Effort { value, slope, .. } => Self::Effort { t: since, value, slope },
+            Self::Motion { start, bends, .. } => Self::Motion { t: since, start, bends },
         }
     }
 
     /// Position, rate and acceleration at t; an effort has its value in place of all.
     pub fn at(&self, t: f64) -> [f64; 3] {
         match *self {
-            Self::Effort(value) => [value; 3],
-            Self::Motion { t: t0, x, rate, growth } => {
-                let past = t - t0;
-                [x + (rate + 0.5 * growth * past) * past, rate + growth * past, growth]
+            Self::Effort { t: t0, value, slope } => [value + slope * (t - t0); 3],
+            Self::Motion { t: t0, start: [x, v, a], bends: [c, d, e] } => {
+                let s = t - t0;
+                [
+                    x + (v + (0.5 * a + (c + (d + e * s) * s) * s) * s) * s,
+                    v + (a + (3.0 * c + (4.0 * d + 5.0 * e * s) * s) * s) * s,
+                    a + (6.0 * c + (12.0 * d + 20.0 * e * s) * s) * s,
+                ]
             }
         }
     }

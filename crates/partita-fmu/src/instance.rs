@@ -342,6 +342,28 @@ impl Instance {
         Ok(OK)
     }
 
+    /// Set derivatives of inputs, of orders from 1.
+    ///
+    /// # Safety
+    /// Arrays of `count` items.
+    pub unsafe fn differentiate(
+        &mut self,
+        references: *const Reference,
+        count: usize,
+        orders: *const c_int,
+        values: *const c_double,
+    ) -> Done {
+        self.in_phase(&[Phase::Made, Phase::Initialising, Phase::Stepping])?;
+        // SAFETY: the caller's promise.
+        let (references, orders, values) =
+            unsafe { (items(references, count)?, items(orders, count)?, items(values, count)?) };
+        for ((reference, order), value) in references.iter().zip(orders).zip(values) {
+            let order = usize::try_from(*order).map_err(|_| failed("an order of a derivative is negative"))?;
+            self.slave.differentiate(*reference as usize, order, *value)?;
+        }
+        Ok(OK)
+    }
+
     /// Keep the state.
     ///
     /// # Safety

@@ -5,7 +5,7 @@ use partita_model::spec::Spec;
 use serde::Deserialize;
 
 /// The version of the file that is read.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// The whole file.
 #[derive(Deserialize)]
@@ -15,13 +15,13 @@ pub struct Resource {
     pub fmu: u32,
     /// The same as in `modelDescription.xml`.
     pub guid: String,
-    /// The mechanism; value number i of its functions is input number i.
+    /// The mechanism; function number i is input number i.
     pub model: Spec,
     /// Tolerances and methods; its times are not used.
     pub options: Request,
     /// Initial state.
     pub start: Start,
-    /// Inputs: value references 0, 1, ...
+    /// Inputs: value references 0, 1, ..., one for each of their values.
     pub inputs: Vec<Input>,
     /// Outputs: value references after those of the inputs.
     pub outputs: Vec<Shown>,
@@ -55,22 +55,40 @@ pub struct Start {
     pub v: Vec<f64>,
 }
 
-/// Kind of an input.
+/// Kind of an input; its values follow each other among those of all inputs.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Input {
-    /// An effort along a joint coordinate, held over a step.
+    /// An effort along a joint coordinate: its value.
     Effort {
         /// At the start.
         start: f64,
     },
-    /// The rate of a drive at the end of a step.
-    Rate {
-        /// Rate at the start.
-        start: f64,
+    /// The position of a drive: it, its rate and its acceleration.
+    Position {
         /// The driven quantity at the start.
         position: f64,
+        /// Its rate then.
+        rate: f64,
     },
+    /// The rate of a drive: it and its derivative.
+    Rate {
+        /// The driven quantity at the start.
+        position: f64,
+        /// Its rate then.
+        rate: f64,
+    },
+}
+
+impl Input {
+    /// Its values at the start.
+    pub fn values(&self) -> Vec<f64> {
+        match *self {
+            Self::Effort { start } => vec![start],
+            Self::Position { position, rate } => vec![position, rate, 0.0],
+            Self::Rate { rate, .. } => vec![rate, 0.0],
+        }
+    }
 }
 
 /// Kind of an output.

@@ -26,6 +26,8 @@ pub struct State {
     v: Vec<f64>,
     /// Values of the inputs.
     inputs: Vec<f64>,
+    /// Rates of the inputs that are efforts.
+    slopes: Vec<f64>,
     /// Their courses over the last step.
     courses: Vec<Course>,
     /// Values; `None` where they must be computed again.
@@ -102,14 +104,14 @@ impl Slave {
         }
         let start = resource.start;
         let courses = resource.inputs.iter().map(|input| match *input {
-            Input::Effort { start } => Course::Effort(start),
-            Input::Rate { start: rate, position: x } => Course::Motion { t: start.t, x, rate, growth: 0.0 },
+            Input::Effort { start: value } => Course::Effort { t: start.t, value, slope: 0.0 },
+            Input::Position { position: x, rate } | Input::Rate { position: x, rate } => {
+                Course::Motion { t: start.t, start: [x, rate, 0.0], bends: [0.0; 3] }
+            }
         });
         let courses: Vec<Course> = courses.collect();
-        let inputs = resource.inputs.iter().map(|input| match *input {
-            Input::Effort { start } | Input::Rate { start, .. } => start,
-        });
-        let inputs: Vec<f64> = inputs.collect();
+        let inputs: Vec<f64> = resource.inputs.iter().flat_map(Input::values).collect();
+        let slopes = vec![0.0; resource.inputs.len()];
         let cell = Inputs::default();
         cell.set(&courses);
         let model = Model::new(resource.model, Arc::new(cell.clone()), Coordinates::Relative).map_err(words)?;
@@ -128,8 +130,8 @@ impl Slave {
         let built = resource.parameters.iter().map(number).collect::<Result<Vec<_>, String>>()?;
         let count = inputs.len() + shown.len() + built.len();
         let arrays = arrays(&resource.arrays, count).ok_or("the arrays of the resources do not fit")?;
-        let first =
-            State { t: start.t, q: start.q, v: start.v, inputs, courses, outputs: None, parameters: built.clone() };
+        let (t, q, v, parameters) = (start.t, start.q, start.v, built.clone());
+        let first = State { t, q, v, inputs, slopes, courses, outputs: None, parameters };
         Ok(Self {
             guid: resource.guid,
             drawn: model,
@@ -209,23 +211,27 @@ impl Slave {
         let (outputs, known) =
             (state.outputs.clone().unwrap_or_default(), f64::from(u8::from(state.outputs.is_some())));
         let alone = [state.t, f64::from(phase), known];
-        serial::bytes(&self.guid, &[&alone, &state.q, &state.v, &state.inputs, &courses, &outputs, &state.parameters])
+        let lists: [&[f64]; 8] =
+            [&alone, &state.q, &state.v, &state.inputs, &state.slopes, &courses, &outputs, &state.parameters];
+        serial::bytes(&self.guid, &lists)
     }
 
     /// The state and the phase in bytes of this model.
     pub fn state_of(&self, bytes: &[u8]) -> Result<(State, u8), String> {
         let wrong = || "these bytes are not a state of this model".to_string();
         let lists = serial::lists(&self.guid, bytes).ok_or_else(wrong)?;
-        let [alone, q, v, inputs, courses, outputs, parameters]: [Vec<f64>; 7] =
+        let [alone, q, v, inputs, slopes, courses, outputs, parameters]: [Vec<f64>; 8] =
             lists.try_into().map_err(|_| wrong())?;
         let [t, phase, known]: [f64; 3] = alone.try_into().map_err(|_| wrong())?;
         let courses = courses.chunks(Course::NUMBERS).map(Course::from_numbers).collect::<Option<Vec<_>>>();
         let courses = courses.ok_or_else(wrong)?;
-        let sizes = |x: &State| (x.q.len(), x.v.len(), x.inputs.len(), x.courses.len(), x.parameters.len());
+        let sizes = |x: &State| {
+            [&x.q, &x.v, &x.inputs, &x.slopes, &x.parameters].map(Vec::len).into_iter().chain([x.courses.len()])
+        };
         let outputs = (known != 0.0).then_some(outputs);
-        let state = State { t, q, v, inputs, courses, outputs, parameters };
+        let state = State { t, q, v, inputs, slopes, courses, outputs, parameters };
         let fits = state.outputs.as_ref().is_none_or(|x| x.len() == self.shown.len());
-        match sizes(&state) == sizes(&self.first) && fits {
+        match sizes(&state).eq(sizes(&self.first)) && fits {
             true => Ok((state, phase as u8)),
             false => Err(wrong()),
         }
@@ -243,9 +249,7 @@ impl Slave {
         let mut state = self.state.clone();
         state.t = t;
         for course in &mut state.courses {
-            if let Course::Motion { t: since, .. } = course {
-                *since = t;
-            }
+            *course = course.from(t);
         }
         state.outputs = None;
         self.hold(state);
@@ -277,9 +281,44 @@ impl Slave {
         }
     }
 
-    /// Number of inputs and outputs.
+    /// Number of values of inputs, and of outputs.
     pub fn size(&self) -> (usize, usize) {
-        (self.kinds.len(), self.shown.len())
+        (self.first.inputs.len(), self.shown.len())
+    }
+
+    /// The inputs with the numbers of their values.
+    fn ranges(&self) -> impl Iterator<Item = (&Input, Range<usize>)> {
+        let mut free = 0;
+        self.kinds.iter().map(move |kind| {
+            let first = free;
+            free += kind.values().len();
+            (kind, first..free)
+        })
+    }
+
+    /// Set a derivative of an input, of an order from 1: it is the value that follows, or the rate of an effort.
+    pub fn differentiate(&mut self, reference: usize, order: usize, value: f64) -> Result<(), String> {
+        if !value.is_finite() {
+            return Err(format!("derivative {order} of value {reference} is {value}"));
+        }
+        let found = self.ranges().enumerate().find(|(_, (_, range))| range.contains(&reference));
+        let found = found.map(|(i, (kind, range))| (i, *kind, range));
+        let Some((i, kind, range)) = found else {
+            return Err(format!("value reference {reference} is not an input, so it has no derivatives"));
+        };
+        let most = match kind {
+            Input::Effort { .. } => 1,
+            _ => range.end - 1 - reference,
+        };
+        let slot = match kind {
+            Input::Effort { .. } => self.state.slopes.get_mut(i),
+            _ => self.state.inputs.get_mut(reference + order),
+        };
+        match slot.filter(|_| (1..=most).contains(&order)) {
+            Some(slot) => *slot = value,
+            None => return Err(format!("value reference {reference} has derivatives up to order {most}, not {order}")),
+        }
+        Ok(())
     }
 
     /// Set an input or a parameter.
@@ -294,7 +333,7 @@ impl Slave {
             }
             return Ok(());
         }
-        let known = self.kinds.len();
+        let known = self.size().0;
         let input = self.state.inputs.get_mut(reference);
         let input = input.ok_or_else(|| {
             format!(
@@ -323,9 +362,11 @@ impl Slave {
             };
             state.q = q;
         }
-        for (course, input) in state.courses.iter_mut().zip(&state.inputs) {
-            if let Course::Effort(value) = course {
-                *value = *input;
+        for ((course, (_, range)), slope) in state.courses.iter_mut().zip(self.ranges()).zip(&state.slopes) {
+            match (course, state.inputs.get(range).unwrap_or_default()) {
+                (Course::Effort { value, slope: rate, .. }, [input]) => (*value, *rate) = (*input, *slope),
+                (Course::Motion { start, .. }, [.., gain]) => start[2] = *gain,
+                _ => {}
             }
         }
         state.outputs = None;
@@ -363,21 +404,30 @@ impl Slave {
         let end = t + step;
         let before = self.state.courses.clone();
         let mut courses = before.clone();
-        for (course, input) in courses.iter_mut().zip(&self.state.inputs) {
-            *course = match *course {
-                Course::Effort(_) => Course::Effort(*input),
-                Course::Motion { .. } => {
-                    let [x, rate, _] = course.at(now);
-                    Course::Motion { t: now, x, rate, growth: (input - rate) / (end - now) }
+        let span = end - now;
+        for ((course, (kind, range)), slope) in courses.iter_mut().zip(self.ranges()).zip(&self.state.slopes) {
+            let given = self.state.inputs.get(range).unwrap_or_default();
+            let [x, rate, growth] = course.at(now);
+            *course = match (kind, given) {
+                (Input::Effort { .. }, [value]) => Course::Effort { t: now, value: *value, slope: *slope },
+                (Input::Position { .. }, [position, speed, gain]) => {
+                    let end = [position + (speed + 0.5 * gain * span) * span, speed + gain * span, *gain];
+                    Course::between(now, [x, rate, growth], span, end)
                 }
+                (Input::Rate { .. }, [speed, gain]) => {
+                    let growth = (speed + gain * span - rate) / span;
+                    Course::Motion { t: now, start: [x, rate, growth], bends: [0.0; 3] }
+                }
+                _ => return Err("the inputs do not fit".into()),
             };
         }
         self.cell.set(&courses);
         match self.marched(now, end, &[end], false) {
             Ok((state, doubts)) => {
-                let (inputs, parameters) =
-                    (std::mem::take(&mut self.state.inputs), std::mem::take(&mut self.state.parameters));
-                self.state = State { inputs, parameters, courses, ..state };
+                let old = std::mem::replace(&mut self.state, state);
+                let State { inputs, slopes, parameters, .. } = old;
+                (self.state.inputs, self.state.slopes, self.state.parameters) = (inputs, slopes, parameters);
+                self.state.courses = courses;
                 Ok(Stepped { doubts })
             }
             Err(e) => {
@@ -471,7 +521,8 @@ impl Slave {
             values.push(value.ok_or_else(|| format!("an output names component {i}, which does not exist"))?);
         }
         let outputs = Some(values);
-        Ok(State { t, q, v, inputs: Vec::new(), courses: Vec::new(), outputs, parameters: Vec::new() })
+        let (inputs, slopes, courses, parameters) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Ok(State { t, q, v, inputs, slopes, courses, outputs, parameters })
     }
 }
 

@@ -21,7 +21,7 @@ fn resource(inputs: &str) -> String {
     let options = r#"{"t0":0.0,"t_end":1.0,"rtol":1e-10,"atol":1e-12,"method":"dop853","formulation":"projective",
         "correction":"partition","switch_threshold":1.25,"max_steps":100000,"selection":"collective","renew":0.5}"#;
     format!(
-        r#"{{"fmu":1,"guid":"{GUID}","model":{{"partita":1,"name":"p","gravity":[0,0,0],"drawing_tolerance":1e-4,
+        r#"{{"fmu":2,"guid":"{GUID}","model":{{"partita":1,"name":"p","gravity":[0,0,0],"drawing_tolerance":1e-4,
         "bodies":[{body}],"joints":[{joint}],"couplings":[],"drives":[],"forces":[{torque}]}},"options":{options},
         "start":{{"t":0.0,"q":[0.0],"v":[0.0]}},"inputs":[{inputs}],
         "outputs":[{{"what":"position","joint":"A","component":0}},{{"what":"kinetic"}}]}}"#

@@ -7,7 +7,7 @@ import difflib
 from functools import partial
 from typing import Any, NoReturn
 
-from ..options import BASES, COORDINATES, CORRECTIONS, FORMULATIONS, INERTIAS, METHODS, SELECTIONS
+from ..options import BASES, COORDINATES, CORRECTIONS, FORMULATIONS, INERTIAS, METHODS, SELECTIONS, SERIALS
 from .values import count, ladder, listed, pair, port, positive, repeats, seconds, setting
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
@@ -133,6 +133,7 @@ def _reading(command: argparse.ArgumentParser) -> None:
     add("--base", choices=BASES, default="fixed", help="how the root of a URDF is attached (default fixed)")
     add("--loops", metavar="FILE", help="YAML file that lists the loops and joint types of a URDF or SDFormat file")
     add("--inertia", choices=INERTIAS, help="whether an inertia that no body can have is repaired (robots) or refused")
+    add("--serial-joints", choices=SERIALS, help="what several joints of USD between the same two bodies are")
     add("--root", metavar="FOLDER", help="folder around the model in which the files that it names may lie")
 
 

@@ -30,7 +30,7 @@ class Opened:
         return start if coordinates == "relative" else self.mechanism.convert(start, coordinates)
 
 
-READING = ("base", "loops", "inertia", "root")
+READING = ("base", "loops", "inertia", "root", "serial_joints")
 """Arguments of `partita.load`."""
 
 

@@ -123,6 +123,8 @@ def _by_suffix(table: dict[str, Any], path: Path, verb: str) -> Any:
     found = table.get(path.suffix.lower())
     if found is None:
         shown = f'the suffix "{path.suffix}" is not known' if path.suffix else "the name has no suffix"
+        if path.suffix.lower() == ".xacro":
+            shown = "it is a xacro, from which the model is made: xacro FILE > robot.urdf"
         raise FileFormatError(
             f'"{path}": {shown}; files that can be {verb}: {", ".join(table)}', path=str(path), line=None
         )

@@ -45,18 +45,21 @@ _WINDOWS = ("win64", "windows", "partita_fmu.dll", ".dll")
 _PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 _PARTS = ("position", "velocity", "force", "moment", "effort")
 _AXES = "xyz"
+_DERIVATIVES = ("position", "rate", "acceleration")
 _FMI_UNITS = {"N m": "N.m"}
 """Units of parameters whose names in the description are others."""
 
 
 @dataclass(frozen=True)
 class Input:
-    """An input: an effort along a joint coordinate, or the rate of a drive."""
+    """An input: an effort along a joint coordinate, or the position or the rate of a drive, with its derivatives.
+
+    `values` are its variables, each with its name, its unit and its meaning.
+    """
 
     name: str
     kind: str
-    unit: str
-    words: str
+    values: tuple[tuple[str, str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -106,8 +109,17 @@ def _input(d: Description, name: str, kind: str) -> Input:
                 f'inputs: drive "{name}" is not of one joint coordinate; only those can be inputs', argument="inputs"
             )
         joint = d.joints[str(drive.measure["joint"])]
-        unit = _unit(joint, int(drive.measure["coordinate"]), "rate")
-        return Input(name, "rate", unit, f"rate of drive {name} at the end of a step")
+        kind = "position" if drive.level == "position" else "rate"
+        kinds = _DERIVATIVES[_DERIVATIVES.index(kind) :]
+        values = [
+            (
+                name if of == kind else f"{name}.{of}",
+                _unit(joint, int(drive.measure["coordinate"]), of),
+                f"{of} of drive {name} at the beginning of a step",
+            )
+            for of in kinds
+        ]
+        return Input(name, kind, tuple(values))
     if kind == "force":
         force = d.forces[name]
         if not isinstance(force, TorqueRecord):
@@ -115,7 +127,7 @@ def _input(d: Description, name: str, kind: str) -> Input:
         start = force.value if isinstance(force.value, Constant) and force.over is None else Constant(0.0)
         d.forces[name] = replace(force, value=start, over=None, periodic=False)
         unit = _unit(d.joints[force.joint], force.coordinate, "effort")
-        return Input(name, "effort", unit, f"effort {name} along joint {force.joint}, held over a step")
+        return Input(name, "effort", ((name, unit, f"effort {name} along joint {force.joint}, held over a step"),))
     joint = d.joints[name]
     if scalars(joint) != 1:
         raise ArgumentError(
@@ -124,7 +136,7 @@ def _input(d: Description, name: str, kind: str) -> Input:
             argument="inputs",
         )
     d.store(d.forces, TorqueRecord(_fresh(d.forces, f"input {name}"), name, 0, Constant(0.0)))
-    return Input(name, "effort", _unit(joint, 0, "effort"), f"effort along joint {name}, held over a step")
+    return Input(name, "effort", ((name, _unit(joint, 0, "effort"), f"effort along joint {name}, held over a step"),))
 
 
 def _fresh(taken: Container[str], wanted: str) -> str:
@@ -138,7 +150,13 @@ def _fresh(taken: Container[str], wanted: str) -> str:
 def _unit(joint: JointRecord, coordinate: int, of: str) -> str:
     kinds = [kind for kind, _ in axes_of(joint)] or ["slide"] * 3
     slide = kinds[min(coordinate, len(kinds) - 1)] == "slide"
-    return {"rate": ("rad/s", "m/s"), "effort": ("N.m", "N")}[of][slide]
+    units = {
+        "position": ("rad", "m"),
+        "rate": ("rad/s", "m/s"),
+        "acceleration": ("rad/s^2", "m/s^2"),
+        "effort": ("N.m", "N"),
+    }
+    return units[of][slide]
 
 
 def outputs_of(d: Description, names: Iterable[str] | None) -> list[Output]:
@@ -250,7 +268,7 @@ def _of_joint(joint: JointRecord, part: str) -> list[Output]:
 def model_of(d: Description, layout: Layout, inputs: list[Input]) -> dict[str, Any]:
     """The mechanism in the form of the core, its inputs as functions. Refuses Python functions."""
     for drive in d.drives.values():
-        if drive.name in {x.name for x in inputs if x.kind == "rate"}:
+        if drive.name in {x.name for x in inputs if x.kind != "effort"}:
             d.drives[drive.name] = replace(drive, motion=Constant(0.0), level="position", rate=0.0)
     writer = Writer(d, layout)
     model = writer.spec()
@@ -264,7 +282,7 @@ def model_of(d: Description, layout: Layout, inputs: list[Input]) -> dict[str, A
         )
     for number, one in enumerate(inputs):
         function = {"function": number}
-        if one.kind == "rate":
+        if one.kind != "effort":
             next(x for x in model["drives"] if x["name"] == one.name)["motion"] = function
         else:
             wanted = one.name if one.name in d.forces else f"input {one.name}"
@@ -316,13 +334,15 @@ def _restored(path: Path) -> bytes:
 
 
 def variables_of(
-    inputs: list[Input], starts: list[float], outputs: list[Output], parameters: list[Parameter], version: str
+    inputs: list[Input], starts: list[list[float]], outputs: list[Output], parameters: list[Parameter], version: str
 ) -> list[Variable]:
     """All variables: one for each value, and by FMI 3.0 arrays and the time."""
     found = [
-        Variable(x.name, "input", x.name, x.unit, x.words, i, starts=(start,))
-        for i, (x, start) in enumerate(zip(inputs, starts, strict=True))
+        Variable(name, "input", name, unit, words, 0, starts=(start,))
+        for x, values in zip(inputs, starts, strict=True)
+        for (name, unit, words), start in zip(x.values, values, strict=True)
     ]
+    found = [replace(x, number=i) for i, x in enumerate(found)]
     found += [Variable(x.name, "output", x.of, x.unit, x.words, i) for i, x in enumerate(outputs, len(found))]
     found += [
         Variable(x.name, "parameter", x.of, x.unit, x.words, i, starts=(x.start,))

@@ -23,6 +23,7 @@ _UNITS = {
     "kg": {"kg": 1},
     "kg m^2": {"kg": 1, "m": 2},
     "m/s^2": {"m": 1, "s": -2},
+    "rad/s^2": {"rad": 1, "s": -2},
     "N/m": {"kg": 1, "s": -2},
     "N s/m": {"kg": 1, "s": -1},
     "N m/rad": {"kg": 1, "m": 2, "s": -2, "rad": -1},
@@ -129,7 +130,7 @@ def _head_2(d: Described) -> list[str]:
         f'<fmiModelDescription fmiVersion="2.0" modelName={quoted(d.name)} guid="{d.token}" {_tool()}'
         ' numberOfEventIndicators="0">',
         f'  <CoSimulation modelIdentifier="{d.identifier}" canHandleVariableCommunicationStepSize="true"'
-        ' canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>',
+        ' canInterpolateInputs="true" canGetAndSetFMUstate="true" canSerializeFMUstate="true"/>',
     ]
 
 

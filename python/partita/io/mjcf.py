@@ -9,6 +9,7 @@ MuJoCo opens anything.
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -22,13 +23,31 @@ from ..products import matmul, norm
 from . import closings
 from .format_table import content, remark
 from .mjcf_counts import check, check_compiled, check_numbers
-from .mjcf_table import ACTUATORS, CONTACT, FLUID, FRICTION, LIMITS, MJCF, ROTOR, TENDON, YIELD
+from .mjcf_table import (
+    ACTUATORS,
+    CONTACT,
+    FLUID,
+    FRICTION,
+    HIGHER,
+    LIMITS,
+    MJCF,
+    MOTOR,
+    ROPE,
+    ROTOR,
+    SERVO,
+    TENDON,
+    YIELD,
+)
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array, Effort, Joint, Link, Loop, Robot, Spring, Tie, placed, rotation_of
 from .xmltree import Element, parse, refuse
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
+_LOOKS = ("texture", "skin")
+"""Elements whose files are never opened: what they look like moves nothing."""
+_BESIDE = ("include", "model")
+"""Elements that name files beside the model, whatever its folders of others."""
 _FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 _NAMES = ("name", "class", "childclass", "model")
 SAME = 1e-6
@@ -49,6 +68,10 @@ def read(path: Path, request: Request) -> Robot:
         raise MissingDependencyError(
             f'"{path}" is MJCF, which is read by MuJoCo\'s own parser: pip install partita[mujoco]', package="mujoco"
         ) from error
+    if not hasattr(mujoco, "MjVfs"):
+        raise MissingDependencyError(
+            f'"{path}" is MJCF, which is read by MuJoCo 4 or later: pip install -U mujoco', package="mujoco"
+        )
     check(found)
     for other in named.attached:
         check(other)
@@ -60,22 +83,42 @@ def read(path: Path, request: Request) -> Robot:
 
 
 def _compiled(mujoco: Any, path: Path, reading: Reading) -> Any:
-    """The model that MuJoCo makes of the file; its warnings are remarks, where it would print them and write a log."""
-    warnings: list[str] = []
+    """The model that MuJoCo makes of the file, whose textures and skins it never opens; its warnings are remarks, where
+    it would print them and write a log."""
+    messages: list[str] = []
+    called = str(path) if path.suffix == ".xml" else f"{path}.xml"  # by which MuJoCo knows that it is MJCF
     before = mujoco.get_mju_user_warning() if hasattr(mujoco, "get_mju_user_warning") else None
-    mujoco.set_mju_user_warning(warnings.append)
+    mujoco.set_mju_user_warning(messages.append)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always")
+            spec = _parsed(mujoco, path, called)
+            for texture in spec.textures:
+                texture.file, texture.cubefiles = "", [""] * len(texture.cubefiles)
+                texture.builtin, texture.width, texture.height = mujoco.mjtBuiltin.mjBUILTIN_FLAT, 1, 1
+            for skin in list(spec.skins):
+                spec.delete(skin)
+            model = spec.compile()
+        messages += [str(warning.message) for warning in heard]
     except (ValueError, RuntimeError) as error:
-        message = " ".join(str(error).split())
+        message = " ".join(str(error).replace(called, str(path)).split())
         refuse(path, _line(message), f"MuJoCo cannot read it: {message}")
     finally:
         mujoco.set_mju_user_warning(before)
-        for warning in warnings:
-            words = " ".join(warning.split())
+        for warning in messages:
+            words = " ".join(warning.replace(called, str(path)).split())
             reading.changed.append(Remark(_line(words), f"MuJoCo warns: {words}"))
     check_compiled(mujoco, model, path)
     return model
+
+
+def _parsed(mujoco: Any, path: Path, called: str) -> Any:
+    """What the file specifies, by the name by which MuJoCo knows that it is MJCF."""
+    if called == str(path):
+        return mujoco.MjSpec.from_file(called)
+    with mujoco.MjVfs() as files:
+        files[called] = get(path, "model_bytes")
+        return mujoco.MjSpec.from_file(called, vfs=files)
 
 
 @dataclass
@@ -85,23 +128,31 @@ class _Named:
     folder: Path
     root: Path
     files: list[tuple[Element, str]] = field(default_factory=list)
-    folders: list[str] = field(default_factory=lambda: [""])
+    folders: list[str] = field(default_factory=list)
     included: int = 0
     attached: list[Element] = field(default_factory=list)
 
     def add(self, element: Element, key: str) -> None:
         """The file or folder that an attribute names, if it does."""
         name = element.get(key)
+        if element.tag in _LOOKS or key == "texturedir":
+            return
         if PurePosixPath(name).is_absolute() or PureWindowsPath(name).anchor != "":
             element.fail(f'names the file "{name}", an absolute path, which leads out of the folder of the model')
-        if name:
+        if name and key in _FOLDERS:
+            self.folders.append(name)
+        elif name:
             self.files.append((element, name))
-            self.folders += [name] if key in _FOLDERS else []
+
+    def within(self, element: Element) -> list[str]:
+        """The folders in which the file of an element may lie, relative to the model."""
+        own = [] if element.tag in _BESIDE else self.folders
+        return ["", *own] if not own or element.tag == "flexcomp" else own
 
     def stay(self) -> None:
         """Refuse names and links that lead out of the root."""
         for element, name in self.files:
-            for inner in self.folders:
+            for inner in self.within(element):
                 place = self.folder.resolve() / inner.replace("\\", "/") / name.replace("\\", "/")
                 if not Path(os.path.normpath(place)).is_relative_to(self.root):
                     element.fail(f'names the file "{name}", which leads out of {self._root()}')
@@ -173,7 +224,8 @@ def _included(at: Element, path: Path, including: tuple[Path, ...], named: _Name
 def _line(message: str) -> int | None:
     words = message.replace(",", " ").replace("Line number=", "line ").split()
     at = next((i for i, word in enumerate(words[:-1]) if word.lower() == "line"), None)
-    return int(words[at + 1]) if at is not None and words[at + 1].isdigit() else None
+    found = int(words[at + 1]) if at is not None and words[at + 1].isdigit() else 0
+    return found or None  # MuJoCo says 0 where it does not know
 
 
 @dataclass(frozen=True)
@@ -241,11 +293,15 @@ class _Reader:
     def gears(self) -> None:
         """Rotors and dampers of actuators, which act behind their gears at joints."""
         m, kinds = self.model, self.mujoco.mjtJoint
-        # in later versions an actuator may have several controls, which nu counts
-        for i in range(int(getattr(m, "nactuator", m.nu))):
-            at, called = self.at(*ACTUATORS, name=self.name("actuator", i)), f'actuator "{self.name("actuator", i)}"'
+        written = self.written(ACTUATORS)
+        count = len(m.actuator_trnid)
+        for i in range(count):
+            called = f'actuator "{self.name("actuator", i)}"'
+            at = written[i] if len(written) == count else self.at(*ACTUATORS, name=self.name("actuator", i))
             armature = self.value("actuator_armature", i)
-            damping = self.law(called, at, "", i, "actuator_damping", i)[1]
+            damping = self.law(called, at, "", i, "actuator_damping", i)[1] + self.induced(i)
+            acts = self.acts(i)
+            self.dropped(at, SERVO if acts else MOTOR, self.described(at, called), "motion" if acts else "bounds")
             if armature == 0.0 and damping == 0.0:
                 continue
             output = int(m.actuator_outadr[i]) if hasattr(m, "actuator_outadr") else i
@@ -256,6 +312,38 @@ class _Reader:
                 self.geared[j] = (before[0] + ratio**2 * armature, before[1] + ratio**2 * damping)
             else:
                 self.dropped(at, ROTOR, f"{called} armature {armature:g}, damping {damping:g}")
+
+    def induced(self, i: int) -> float:
+        """The damping of a plain electric motor at zero voltage: constant^2 / resistance; 0 of other actuators."""
+        if self.acts(i) or self.law_of("Bias", "bias", i) != "DCMOTOR":
+            return 0.0
+        resistance, constant = (float(x) for x in self.model.actuator_gainprm[i][:2])
+        return constant**2 / resistance if resistance > 0.0 else 0.0
+
+    def law_of(self, kind: str, key: str, i: int) -> str:
+        """The name by which MuJoCo knows the gain, bias or dynamics of an actuator."""
+        found = getattr(self.mujoco, f"mjt{kind}")(int(getattr(self.model, f"actuator_{key}type")[i]))
+        return str(found.name).rpartition("_")[2]
+
+    def acts(self, i: int) -> bool:
+        """Whether an actuator does more at zero control than its rotor and its damping say."""
+        m, bias = self.model, self.law_of("Bias", "bias", i)
+        plugin = getattr(m, "actuator_plugin", None)
+        if plugin is not None and int(plugin[i]) >= 0:
+            return True
+        if bias == "DCMOTOR":  # beyond resistance and constant: a controller, inductance, cogging, friction, heat
+            more = (m.actuator_gainprm[i][2:], m.actuator_biasprm[i], m.actuator_dynprm[i])
+            return any(bool(np.any(numbers)) for numbers in more)
+        return bool(np.any(m.actuator_biasprm[i])) if bias == "AFFINE" else bias != "NONE"
+
+    def written(self, tags: tuple[str, ...]) -> list[Element]:
+        """Elements inside <actuator> with these tags, in the order of the file."""
+        found, waiting = list[Element](), [self.root]
+        while waiting:
+            element = waiting.pop()
+            found += [child for child in element.children if child.tag in tags and element.tag == "actuator"]
+            waiting += reversed(element.children)
+        return found
 
     def world(self) -> None:
         """What acts on all bodies, or between those that touch."""
@@ -356,7 +444,7 @@ class _Reader:
         stiffness, damping = self.law(called, at, "tendon_stiffness", i, "tendon_damping", i)
         if m.tendon_limited[i] and not self.off("limit", "constraint"):
             low, high = m.tendon_range[i]
-            self.dropped(at, LIMITS, f"{called} range {low:g} to {high:g}", "bounds")
+            self.dropped(at, ROPE, f"{called} range {low:g} to {high:g}", "bounds")
         if m.tendon_frictionloss[i] != 0.0 and not self.off("frictionloss", "constraint"):
             self.dropped(at, FRICTION, f"{called} frictionloss {m.tendon_frictionloss[i]:g}")
         if (rotor := self.value("tendon_armature", i)) != 0.0:
@@ -464,8 +552,7 @@ class _Reader:
         one, other, data = int(m.eq_obj1id[i]), int(m.eq_obj2id[i]), m.eq_data[i]
         follower = self.name("joint", one)
         if np.any(data[2:5]):
-            text = "a polynomial of higher order would couple two joints: add_cam"
-            self.dropped(at, text, self.described(at, f'equality "{name}"'))
+            self.dropped(at, HIGHER, self.described(at, f'equality "{name}"'))
         elif other < 0 or data[1] == 0.0:
             text = f'joint "{follower}" would stay at {data[0]:g}: add_drive'
             self.dropped(at, text, self.described(at, f'equality "{name}"'))

@@ -12,6 +12,8 @@ LIMITS = "limits do not act: add_stop"
 FLUID = "a fluid would resist the motion of all bodies"
 ROTOR = "a rotor or damper would act along more than one coordinate: add_rotor, add_bushing"
 YIELD = "the spring would give way beyond this deflection"
+ROPE = "limits of its length do not act: add_rope holds it below the upper one"
+HIGHER = "a polynomial of higher order would couple two joints: add_cam"
 TENDON = "this tendon would act along its length: add_torque with a function"
 _NUMERICS = "settings of the solver"
 _SOFT = "loops and couplings are held exactly, without this softness"
@@ -24,10 +26,10 @@ _CARRIED: Rows = (
     (DROPPED, "flexcomp*", _FLEX),
     (DROPPED, "plugin*", "a plugin may move the body"),
 )
-_SERVO = (
+SERVO = (
     "it would act even at zero control (its armature and damping do): add_drive prescribes motions, add_torque efforts"
 )
-_MOTOR = "it would act when driven (its armature and damping do): add_drive prescribes motions, add_torque efforts"
+MOTOR = "it would act when driven (its armature and damping do): add_drive prescribes motions, add_torque efforts"
 _MEASURES = (
     "touch accelerometer velocimeter gyro force torque magnetometer camprojection rangefinder jointpos jointvel "
     "tendonpos tendonvel actuatorpos actuatorvel actuatorfrc jointactuatorfrc tendonactuatorfrc ballquat ballangvel "
@@ -35,9 +37,21 @@ _MEASURES = (
     "framexaxis frameyaxis framezaxis framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel "
     "subtreeangmom insidesite distance normal fromto contact e_potential e_kinetic clock tactile user plugin"
 )
-DRIVEN = ("motor", "cylinder", "muscle", "adhesion", "dcmotor")
-SERVOS = ("general", "position", "velocity", "intvelocity", "orientation", "pid", "damper", "plugin")
-ACTUATORS = (*DRIVEN, *SERVOS)
+ACTUATORS = (
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "orientation",
+    "pid",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "plugin",
+)
 
 
 def _many(tags: tuple[str, ...]) -> str:
@@ -241,8 +255,8 @@ MJCF = Table(
             (COMPILED, "@frictionloss(0)", FRICTION),
             (COMPILED, "@armature(0)", "the inertia along the tendon would add to the mass matrix"),
             (COMPILED, "@springyield(0)", YIELD),
-            (COMPILED, "@range @limited(auto)", LIMITS),
-            (BOUNDS, "@margin(0) @solreflimit @solimplimit", LIMITS),
+            (COMPILED, "@range @limited(auto)", ROPE),
+            (BOUNDS, "@margin(0) @solreflimit @solimplimit", ROPE),
             (BOUNDS, "@actuatorfrcrange @actuatorfrclimited", "bounds of actuators do not act"),
             (OTHER, "@solreffriction @solimpfriction", _SOFT),
             (LOOKS, "@width @material @rgba @group", ""),
@@ -252,7 +266,7 @@ MJCF = Table(
         "fixed": (
             (COMPILED, "@name @class @stiffness @damping @springlength joint*=fixed/joint", TENDON),
             (COMPILED, "@frictionloss(0) @armature(0) @springyield(0) @range @limited", "see spatial"),
-            (BOUNDS, "@margin(0) @solreflimit @solimplimit", LIMITS),
+            (BOUNDS, "@margin(0) @solreflimit @solimplimit", ROPE),
             (BOUNDS, "@actuatorfrcrange @actuatorfrclimited", "bounds of actuators do not act"),
             (OTHER, "@solreffriction @solimpfriction", _SOFT),
             (NO_EFFECT, "@group @user", ""),
@@ -285,8 +299,12 @@ MJCF = Table(
             *_EQUALITY,
         ),
         "actuator": (
-            (BOUNDS, _many(DRIVEN), _MOTOR),
-            (DROPPED, _many(SERVOS), _SERVO),
+            (
+                COMPILED,
+                " ".join(f"{tag}*=whole" for tag in ACTUATORS),
+                "acts when driven, and where its law has a bias at zero control too; its armature and damping act, and "
+                "the K^2/R of a plain dcmotor",
+            ),
         ),
         "sensor": ((OTHER, _many(tuple(_MEASURES.split())), "measures, and moves nothing: add_sensor"),),
         "keyframe": ((OTHER, "key*", "a state that is stored: assemble(targets=...)"),),

@@ -9,7 +9,7 @@ from typing import Any
 from .. import notebook
 
 KINDS = {
-    "motion": "dropped, and the motion differs",
+    "motion": "dropped or replaced, and the motion differs",
     "bounds": "dropped, which acts at limits, in contacts or when driven",
     "unknown": "not known",
     "other": "dropped, and the motion is the same",
@@ -47,9 +47,9 @@ class RemarkGroup:
     """Remarks of one kind and text.
 
     Attributes:
-        kind: what they mean for the motion: "motion" (dropped, it acts), "bounds" (dropped, it acts at limits, in
-            contacts or when driven), "unknown" (not known to the format), "other" (dropped, the motion is the same),
-            "looks" (not drawn), "changed" (said otherwise, and means the same), "used".
+        kind: what they mean for the motion: "motion" (dropped or replaced, it acts), "bounds" (dropped, it acts at
+            limits, in contacts or when driven), "unknown" (not known to the format), "other" (dropped, the motion is
+            the same), "looks" (not drawn), "changed" (said otherwise, and means the same), "used".
         text: what they say.
         names: elements of the file that they are about.
         lines: the lines of these, None for the whole file.
@@ -90,6 +90,7 @@ class Reading:
         used: what was read, counted in words.
         changed: what stands in the model otherwise than in the file.
         dropped: what the model does not have.
+        stands: why nothing moves where nothing does, with what to do; "" where the file does not say so.
         shapes: how its bodies look, where the file says so; `run.to_html(path, shapes=m.reading.shapes)` draws them.
     """
 
@@ -99,6 +100,7 @@ class Reading:
     changed: list[Remark] = field(default_factory=list)
     dropped: list[Remark] = field(default_factory=list)
     shapes: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    stands: str = ""
 
     @property
     def remarks(self) -> tuple[RemarkGroup, ...]:

@@ -27,7 +27,7 @@ def links(robot: Robot) -> None:
     for link in robot.links.values():
         link.inertia, change = repaired(link.inertia, scale)
         if change:
-            robot.reading.changed.append(Remark(robot.line(link.at), change, f'link "{link.name}"'))
+            robot.reading.changed.append(Remark(robot.line(link.at), change, f'link "{link.name}"', "motion"))
 
 
 def of_reading(reading: Reading) -> Callable[[dict[str, Any]], dict[str, Any]]:
@@ -45,7 +45,7 @@ def of_reading(reading: Reading) -> Callable[[dict[str, Any]], dict[str, Any]]:
         if found is tensor:
             return arguments
         if change:
-            reading.changed.append(Remark(None, change, f'body "{arguments.get("name")}"'))
+            reading.changed.append(Remark(None, change, f'body "{arguments.get("name")}"', "motion"))
         return {**arguments, "inertia": found.tolist()}
 
     return mend

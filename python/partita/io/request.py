@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import ArgumentError
 from ..files import place
-from ..options import BASES, INERTIAS, one_of
+from ..options import BASES, INERTIAS, SERIALS, one_of
 
 
 @dataclass(frozen=True)
@@ -18,6 +18,8 @@ class Request:
         base: what becomes of the root of a robot, "fixed" or "free".
         loops: the file that lists its loop closures, where it is not found by its name.
         inertia: whether an inertia that no body can have is repaired, or refused.
+        serial_joints: whether joints between the same two bodies are read one after the other where the file states so
+            ("stated"), or wherever each frees what the others lock ("auto").
         root: the folder outside which no file is opened; that of the model unless the caller names one.
     """
 
@@ -25,6 +27,7 @@ class Request:
     inertia: str
     root: Path
     loops: Path | None = None
+    serial_joints: str = SERIALS[0]
 
     def found(self, model: Path, name: str) -> tuple[Path | None, str]:
         """The file or folder that a model names, or None and the reason.
@@ -50,7 +53,12 @@ class Request:
 
 
 def request(
-    path: Path, base: str = "fixed", inertia: str | None = None, root: object = None, loops: object = None
+    path: Path,
+    base: str = "fixed",
+    inertia: str | None = None,
+    root: object = None,
+    loops: object = None,
+    serial_joints: str = SERIALS[0],
 ) -> Request:
     """The arguments, checked for the model in this file."""
     own = path.suffix.lower() == ".toml"
@@ -59,4 +67,5 @@ def request(
         raise ArgumentError(f'root "{folder}" must be a folder that the model "{path}" lies in', argument="root")
     chosen = ("strict" if own else "repair") if inertia is None else one_of("inertia", inertia, INERTIAS)
     listed = None if loops is None else place(loops, "loops")
-    return Request(one_of("base", base, BASES), chosen, folder, listed)
+    serial = one_of("serial_joints", serial_joints, SERIALS)
+    return Request(one_of("base", base, BASES), chosen, folder, listed, serial)

@@ -20,7 +20,13 @@ from .reading import Remark
 from .robot import HEAVY, MASSLESS, Array, Effort, Link, Robot, nearest, placed
 from .xmltree import Element
 
-_FLOATS = 'base="free" in partita.load lets it float'
+_FREE = 'base="free" in partita.load'
+_FLOATS = f"{_FREE} lets it float"
+_STATIC = {
+    "SDFormat": "all models of the file are static, so their links are the ground: <static>false</static> frees one",
+    "USD": "no prim of the file is an enabled rigid body that is not kinematic: PhysicsRigidBodyAPI makes one of it",
+}
+"""Why a file that gives the poses of its links may have no body."""
 
 
 def build(robot: Robot, mechanism: Builder) -> None:
@@ -28,6 +34,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
     base = robot.request.base
     repair.links(robot)
     _rename_ground(robot)
+    _report_weightless(robot)
     if robot.poses is not None:
         _placed(robot, mechanism, robot.poses)
         robot.reading.shapes = shapes_of(robot, robot.world)
@@ -49,6 +56,12 @@ def build(robot: Robot, mechanism: Builder) -> None:
     body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
     for name in order[int(grounded) :]:
         body[name] = _body(robot, mechanism, robot.links[name], pose[name])
+    if robot.reading.kind == "MJCF":
+        robot.reading.stands = "no <body> of the file has a <joint> or a <freejoint>, so all of it is the ground"
+    elif grounded and len(order) == 1:
+        robot.reading.stands = f'its root, "{root}", has no mass and is the ground; give a link mass'
+    elif base == "fixed":
+        robot.reading.stands = f'let the root of the file, "{root}", float: {_FREE}'
     if grounded:
         robot.reading.changed.append(Remark(robot.links[root].at.line, f'link "{root}" is the ground; {_FLOATS}'))
     elif base == "fixed":
@@ -126,6 +139,17 @@ def _report_massless(robot: Robot) -> None:
         robot.reading.changed += [Remark(robot.joints[name].at.line, remark, f'joint "{name}"') for name in still]
 
 
+def _report_weightless(robot: Robot) -> None:
+    """Links with inertia and without mass, which no body is."""
+    remark = (
+        "it has inertia and no mass, which no body has: it weighs nothing, and where nothing with mass moves along, "
+        "its motion is indeterminate: give it mass"
+    )
+    for name, link in robot.links.items():
+        if link.mass == 0.0 and np.any(link.inertia):
+            robot.reading.dropped.append(Remark(robot.line(link.at), remark, f'link "{name}"', "motion"))
+
+
 def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
     """A point of a link that may have become a frame."""
     if link in robot.links:
@@ -137,6 +161,7 @@ def _on_body(robot: Robot, link: str, point: Array) -> tuple[str, Array]:
 def _placed(robot: Robot, mechanism: Builder, poses: dict[str, Array]) -> None:
     """A model that gives the poses of its links; its joints may close loops."""
     body: dict[str, Any] = {robot.world: mechanism.ground}
+    robot.reading.stands = "" if robot.links else _STATIC.get(robot.reading.kind, "")
     for name, link in robot.links.items():
         body[name] = _body(robot, mechanism, link, poses[name])
     for joint in robot.joints.values():

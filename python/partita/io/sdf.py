@@ -52,6 +52,8 @@ def _read(path: Path, request: Request) -> Robot:
     files = Files(request, [path.resolve()])
     scope = Scope(robot, top, version, files, reading)
     if not scope.inner:
+        if scope.missing:
+            raise scope.missing[0]
         top.fail("contains 0 models")
     names = [model.element.get("name") for model in scope.inner.values()]
     robot.name = (names[0] if len(names) == 1 else top.get("name")) or path.stem

@@ -83,6 +83,8 @@ def _joint(scope: Scope, item: Element) -> None:
             law = Effort(stiffness, damping, of.pop("spring_reference", 0.0), number, called)
             made.efforts += [] if law.is_empty else [law]
         text = f"springs and dampers do not act along the coordinate of a {kind} joint: add_torsion_spring"
+        if made.kind == "spherical":
+            text = "a damper or spring would act about all axes of a ball, which are no coordinates: add_bushing"
         for key, value in of.items():
             if value != 0.0:
                 scope.note("dropped", found, text, f'joint "{name}" {key} {value:g}')

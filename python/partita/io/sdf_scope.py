@@ -30,6 +30,10 @@ _RESERVED = (1, 7)
 def walked(path: Path, reading: Reading) -> tuple[Element, tuple[int, ...]]:
     """The root of a file, what is not read being reported, and its version."""
     root = parse(path)
+    if root.tag == "gazebo":
+        root.fail(
+            f"is the root of SDFormat up to 1.2; {VERSIONS[0]} to {VERSIONS[-1]} are read, to which gz sdf converts"
+        )
     if root.tag != "sdf":
         root.fail("is not <sdf>: this is not SDFormat")
     version = root.get("version")
@@ -130,6 +134,7 @@ class Scope:
         self.named: dict[str, Element] = {}
         self.inner: dict[str, Scope] = {}
         self.merged: list[Scope] = []
+        self.missing: list[FileFormatError] = []
         self.known: dict[str, Array] = {"__model__": np.eye(4)}
         self.poses: dict[str, Array] = {} if outer is None else outer.poses
         self.placed: Array | None = None
@@ -144,6 +149,7 @@ class Scope:
                 except FileFormatError as error:
                     if outer is not None:
                         raise  # part of a model would be missing
+                    self.missing.append(error)
                     self.note("dropped", item, f"a model of the world is missing: {error.message}", "", "motion")
                     continue
                 self.nest(Scope(robot, model, its_version, its_files, reading, self), item)

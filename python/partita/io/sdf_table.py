@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .format_table import APPLIED, BOUNDS, DROPPED, LOOKS, NO_EFFECT, OTHER, REFUSED, Table
+from .format_table import APPLIED, BOUNDS, COMPILED, DROPPED, LOOKS, NO_EFFECT, OTHER, REFUSED, Table
 
 VERSIONS = tuple(f"1.{minor}" for minor in range(3, 13))
 """Versions that are read; 1.3 differs from 1.4 in settings of solvers alone."""
@@ -145,7 +145,17 @@ SDF = Table(
         ),
         "joint[universal]": ((APPLIED, "axis2=axis", "its second axis"), _NO_MOTOR),
         "joint[fixed]": ((NO_EFFECT, "axis axis2", "a fixed joint has no axis"), _NO_MOTOR),
-        "joint[ball]": ((OTHER, "axis axis2", "a ball joint has no axis, and no laws along one"), _NO_MOTOR),
+        "joint[ball]": (
+            (COMPILED, "axis=ball/axis", "laws about all axes: dampers and springs, which are reported"),
+            (OTHER, "axis2", "a ball joint has no second axis"),
+            _NO_MOTOR,
+        ),
+        "ball/axis": (
+            (COMPILED, "dynamics", "a damper about all axes, which is reported"),
+            (NO_EFFECT, "xyz use_parent_model_frame[1.5-1.6] initial_position[1.6-1.8]", "it has no axis"),
+            (BOUNDS, "limit", "limits do not act: add_stop"),
+            (DROPPED, "mimic[1.11-]", "it would follow another joint"),
+        ),
         "joint[gearbox]": (
             (APPLIED, "gearbox_ratio(1) gearbox_reference_body", "hinges on this link that turn -ratio : 1"),
             (APPLIED, "axis=gearbox/axis axis2=gearbox/axis", "the axes of the hinges of its parent and its child"),

@@ -16,11 +16,13 @@ from ..products import matmul, norm
 from .format_table import remark
 from .reading import Reading
 from .request import Request
-from .robot import Array, Effort, Joint, Loop, Robot, Tie, inverse, placed
-from .usd_bodies import EVEN, GROUND, Bodies, rotation, short
-from .usd_joints import CLOSED, Frames, Kind, apart, kind_of, limited, split
+from .robot import Array, Joint, Loop, Robot, inverse
+from .usd_bodies import EVEN, GROUND, short
+from .usd_joints import CLOSED, Frames, apart, kind_of, limited, split
+from .usd_series import Series
 from .usd_stage import Prim, Stage, opened
-from .usd_table import ACCELERATION, AXES, LIMITS, OWN, USD
+from .usd_table import LIMITS, OWN, USD
+from .usd_ties import Known
 
 EARTH = 9.81
 """Gravity [m/s^2] where a scene gives none: that of the earth."""
@@ -34,12 +36,13 @@ def read(path: Path, request: Request) -> Robot:
         return _Reader(stage, reading, request).robot()
 
 
-class _Reader(Bodies):
+class _Reader(Series):
     """The mechanism of a stage: its bodies, and the joints between them."""
 
     def __init__(self, stage: Stage, reading: Reading, request: Request) -> None:
         super().__init__(stage, reading, request)
-        self.kinds: dict[str, tuple[str, Prim, Kind]] = {}
+        self.known: dict[str, Known] = {}
+        self.between: dict[str, tuple[str, str]] = {}
 
     def robot(self) -> Robot:
         robot = self.made
@@ -52,10 +55,12 @@ class _Reader(Bodies):
             robot.poses[body.name] = body.frame
         joints = [prim for prim in self.prims if prim.tag.startswith("Physics") and prim.tag.endswith("Joint")]
         names = short(joints, set())
+        self.between = self.series(joints, names)
         for prim in joints:
             self.joint(prim, names[prim.get("name")])
-        for found in self.kinds.values():
-            self.mimic(*found)
+        for found in self.known.values():
+            self.tie(found)
+        self.driven()
         count = f"{len(self.bodies)} bodies, {len(robot.joints) + len(robot.loops)} joints"
         self.reading.used.append(remark(self.reading, self.stage.root, count, "", "used"))
         return robot
@@ -71,6 +76,8 @@ class _Reader(Bodies):
         scene = scenes[0]
         along = scene.finite("physics:gravityDirection", (0.0, 0.0, 0.0))
         size = scene.real("physics:gravityMagnitude", -np.inf)
+        if not scene.flag("newton:gravityEnabled", scene.flag("mjc:flag:gravity", True)):
+            size = 0.0
         if size == np.inf:
             scene.fail("has an infinite physics:gravityMagnitude")
         length = norm(along)
@@ -89,7 +96,7 @@ class _Reader(Bodies):
         ends = [self.end(prim, i) for i in (0, 1)]
         here, there = (frame for _, frame in ends)
         kind = kind_of(prim)
-        first, second = (link for link, _ in ends)
+        first, second = self.between.get(prim.get("name"), (ends[0][0], ends[1][0]))
         if first == second:
             what = "the ground" if first == GROUND else f'one body, "{first}"'
             self.remark(prim, "it joins two frames of the same body, so it holds nothing", f"of {what}", "other")
@@ -117,30 +124,12 @@ class _Reader(Bodies):
         else:
             sides = (self.side(first, frames.here), self.side(second, frames.there))
             self.made.loops.append(Loop(name, word, *sides, prim, along, kind.second, efforts, kind.free))
-        self.kinds[prim.get("name")] = (name, prim, replace(kind, drawn=tuple(drawn.items())))
+        self.known[prim.get("name")] = Known(name, prim, replace(kind, drawn=tuple(drawn.items())))
 
     def side(self, link: str, frame: Array) -> tuple[str, Array]:
         """A link, and a frame of the world in it."""
         assert self.made.poses is not None
         return link, frame if link == GROUND else matmul(inverse(self.made.poses[link]), frame)
-
-    def end(self, prim: Prim, side: int) -> tuple[str, Array]:
-        """The link on one side of a joint, and the frame of the joint in the world."""
-        key = f"physics:body{side}"
-        targets = prim.value(key) or []
-        if len(targets) > 1:
-            prim.fail(f"has {len(targets)} targets of {key}; a joint has one body on each side")
-        point = self.precise(prim, f"physics:localPos{side}", (0.0,) * 3)
-        word = f"physics:localRot{side}"
-        turn = rotation(prim, word, self.precise(prim, word, (1.0, 0.0, 0.0, 0.0)))
-        if not targets:
-            return GROUND, placed(self.length * point, turn)
-        at = self.stage.prims.get(targets[0])
-        if at is None:
-            prim.fail(f"joins {targets[0]} ({key}), which is not there")
-        carrier = self.carried[targets[0]]
-        frame = matmul(self.frame(at), placed(self.length * self.scale(at) * point, turn))
-        return (GROUND if carrier == GROUND else self.bodies[carrier].name), frame
 
     def distance(self, prim: Prim, name: str, links: tuple[str, str], frames: Frames) -> None:
         """Two points at a constant distance."""
@@ -159,101 +148,6 @@ class _Reader(Bodies):
         sides = (self.side(links[0], frames.here), self.side(links[1], frames.there))
         self.made.loops.append(Loop(name, "distance", *sides, prim, length=length))
 
-    def efforts(self, prim: Prim, name: str, kind: Kind, drawn: dict[str, float]) -> list[Effort]:
-        """Springs, dampers and rotors along the coordinates of a joint."""
-        found: list[Effort] = []
-        armature = prim.real("physxJoint:armature", 0.0)
-        for axis in (*AXES, "angular", "linear"):
-            acts = prim.has(f"PhysicsDriveAPI:{axis}")
-            turned = f"{OWN}:{axis}:rotor"
-            if not acts and not prim.has(turned):
-                continue
-            if axis not in kind.coordinates:
-                if acts:
-                    words = "a drive would act along a direction that is not a coordinate of this joint"
-                    self.remark(prim, words, f"drive {axis}")
-                continue
-            effort = self.drive(prim, axis, drawn.get(axis, 0.0)) if acts else None
-            effort = effort or Effort()
-            rotor = prim.real(turned, 0.0)
-            if prim.has(turned) and prim.has("PhysxJointAPI") and len(kind.coordinates) == 1:
-                rotor = self.agreed(prim, turned, rotor, 0.0, bool(np.float32(rotor) == np.float32(armature)))
-            several = len(kind.coordinates) > 1
-            label = f"spring of {name} {axis}" if several else ""
-            if not effort.is_empty or rotor != 0.0:
-                found.append(replace(effort, coordinate=kind.coordinates[axis], rotor=rotor, name=label))
-        if armature != 0.0:
-            if len(kind.coordinates) == 1:
-                (axis,) = kind.coordinates
-                unit = self.mass * (self.length**2 if turns(axis) else 1.0)
-                if not any(effort.rotor for effort in found):
-                    found.append(Effort(rotor=armature * unit))
-            else:
-                words = "the inertia of rotors would add to the mass matrix: add_rotor on a coordinate"
-                self.remark(prim, words, f"armature {armature:g}")
-        return found
-
-    def drive(self, prim: Prim, axis: str, drawn: float) -> Effort | None:
-        """A drive: stiffness (target - x) + damping (target rate - rate)."""
-
-        def read(key: str) -> float:
-            return float(prim.finite(f"drive:{axis}:physics:{key}", (0.0,))[0])
-
-        stiffness, damping, target, rate = map(read, ("stiffness", "damping", "targetPosition", "targetVelocity"))
-        kind = str(prim.value(f"drive:{axis}:physics:type") or "force")
-        law = f"drive {axis}: stiffness {stiffness:g}, damping {damping:g}, target {target:g}, rate {rate:g}"
-        if stiffness == 0.0 and damping == 0.0:
-            return None
-        if kind != "force":
-            self.remark(prim, ACCELERATION, f"{law}, type {kind}")
-            return None
-        turn = turns(axis)
-        per = self.mass * self.length**2 * 180.0 / np.pi if turn else self.mass
-        unit = np.pi / 180.0 if turn else self.length
-        found = (per * stiffness, per * damping, unit * target)
-        words = [f"{OWN}:{axis}:{word}" for word in ("stiffness", "damping", "rest")]
-        stiffness, damping, target = (
-            float(self.agreed(prim, word, exact, value, bool(np.isclose(exact, value, rtol=EVEN, atol=EVEN * unit))))
-            for word, value in zip(words, found, strict=True)
-            for exact in (float(prim.finite(word, (value,))[0]),)
-        )
-        target, torque = target - drawn, damping * unit * rate
-        if stiffness != 0.0:
-            return Effort(stiffness, damping, target + torque / stiffness)
-        return Effort(0.0, damping, 0.0, constant=torque)
-
-    def mimic(self, name: str, prim: Prim, kind: Kind) -> None:
-        """Joints that follow others: coordinate + gearing x the other's + offset = 0, in degrees."""
-        for axis in AXES[3:]:
-            if not prim.has(f"PhysxMimicJointAPI:{axis}"):
-                continue
-            key = f"physxMimicJoint:{axis}"
-            gearing, offset = (
-                float(prim.finite(f"{key}:{word}", (x,))[0]) for word, x in (("gearing", 1.0), ("offset", 0.0))
-            )
-            targets = prim.value(f"{key}:referenceJoint") or []
-            other = self.kinds.get(targets[0]) if len(targets) == 1 else None
-            law = f"{axis}: gearing {gearing:g}, offset {offset:g}, to {', '.join(targets) or 'nothing'}"
-            if other is None or kind.word != "revolute" or other[2].word != "revolute":
-                self.remark(prim, "it would follow another joint: add_coupler", law)
-                continue
-            ours = f"{OWN}:{axis}"
-            turn = -np.radians(offset)
-            for word, value in (("gearing", gearing), ("offset", -turn)):
-                exact = float(prim.finite(f"{ours}:{word}", (value,))[0])
-                same = bool(np.isclose(exact, value, rtol=EVEN, atol=1e-12))
-                value = float(self.agreed(prim, f"{ours}:{word}", exact, value, same))
-                gearing, turn = (value, turn) if word == "gearing" else (gearing, -value)
-            title = str(prim.value(f"{ours}:name") or f"{name} mimic")
-            (mine,), (its,) = (dict(one.drawn).values() for one in (kind, other[2]))
-            rest = turn - mine - gearing * its
-            self.made.ties.append(Tie(title, [name, other[0]], [1.0, gearing], rest, prim))
-
 
 def _length(frames: Frames) -> float:
     return float(norm(frames.here[:3, 3] - frames.there[:3, 3]))
-
-
-def turns(axis: str) -> bool:
-    """Whether a drive acts about an axis."""
-    return axis.startswith("rot") or axis == "angular"

@@ -20,7 +20,7 @@ from .request import Request
 from .robot import Array, Link, Robot, inverse, nearest, placed, rotation_of
 from .usd_mass import APPROXIMATED, DENSITY, Part, about, axis_of, part, together
 from .usd_stage import Prim, Stage, own
-from .usd_table import CONTACT, OWN, VELOCITY
+from .usd_table import CONTACT, NO_MASS, OWN, PARTLY, SHELL, VELOCITY, WELDED
 
 EVEN = 1e-6
 """Relative error of a scale, and sine of a shear, in single precision: less is none."""
@@ -65,6 +65,11 @@ class Bodies:
         found = remark(self.reading, at, words, name, kind)
         (self.reading.changed if kind == "changed" else self.reading.dropped).append(found)
 
+    def settings(self, key: str) -> Any:
+        """What the first scene states; None where it does not."""
+        scene = next((prim for prim in self.prims if prim.tag == "PhysicsScene"), None)
+        return None if scene is None else scene.value(key)
+
     def precise(self, prim: Prim, key: str, otherwise: tuple[float, ...]) -> Array:
         """Finite numbers, with all digits where an attribute of ours has them and agrees."""
         found = prim.finite(key, otherwise)
@@ -102,9 +107,26 @@ class Bodies:
             self.carried[path] = path if path in paths else above
             if path in paths:
                 self.bodies[path] = Body(names[path], prim, self.frame(prim))
+        self.welds = self.welded()
         for prim in self.prims:
             if prim.has("PhysicsMassAPI") and prim.get("name") not in paths and not prim.has("PhysicsCollisionAPI"):
                 self.remark(prim, "a mass of what is neither a body nor a shape that collides is not used", "", "other")
+
+    def welded(self) -> dict[str, bool]:
+        """Bodies that are welded to others, by their paths, and whether to the ground in the end."""
+        pairs = [
+            [
+                self.carried.get(found[0], GROUND) if (found := prim.value(f"physics:body{i}")) else GROUND
+                for i in (0, 1)
+            ]
+            for prim in self.prims
+            if prim.tag == "PhysicsFixedJoint" and prim.flag("physics:jointEnabled", True)
+        ]
+        still, more = {GROUND}, True
+        while more:
+            joined = {end for pair in pairs if still & set(pair) for end in pair} - still
+            still, more = still | joined, bool(joined)
+        return {end: end in still for one, other in pairs if one != other for end in (one, other)}
 
     def is_body(self, prim: Prim) -> bool:
         """Whether a prim is a body that moves."""
@@ -196,13 +218,21 @@ class Bodies:
         com = prim.reals("physics:centerOfMass", (-np.inf,) * 3)
         moments = prim.finite("physics:diagonalInertia", (0.0,) * 3)
         ours = prim.value(f"{OWN}:mass") is not None  # a body without mass too
-        given_com, given_moments = bool(np.all(np.isfinite(com))), ours or bool(np.any(moments != 0.0))
+        tensor = prim.value("newton:inertia")
+        given_com = bool(np.all(np.isfinite(com)))
+        given_moments = ours or bool(tensor) or bool(np.any(moments != 0.0))
         whole: Part | None = None
         needed = not ours and not (mass > 0.0 and given_moments)
         if needed or not given_com:
             whole = self.whole(body, shapes)
             if whole is None and needed:
                 lacks = "no mass" if mass == 0.0 else "no inertia"
+                if body.prim.get("name") in self.welds:
+                    still = self.welds[body.prim.get("name")]
+                    words = f"{lacks} is given, and it is welded to the ground" if still else WELDED.format(lacks)
+                    self.remark(prim, words, "", "changed" if still else "motion")
+                    com = self.precise(prim, "physics:centerOfMass", (0.0,) * 3) if given_com else np.zeros(3)
+                    return Link(body.name, mass, length * self.scale(prim) * com, np.zeros((3, 3)), prim)
                 prim.fail(
                     f"has {lacks}, and no shape that collides whose volume gives it: "
                     "give physics:mass and physics:diagonalInertia"
@@ -219,7 +249,10 @@ class Bodies:
             assert whole is not None
             inertia = total / whole.mass * about(whole.inertia, whole.mass, center - whole.com)
         found = Link(body.name, total, center, 0.5 * (inertia + inertia.T), prim)
-        found.gravity = not prim.flag("physxRigidBody:disableGravity", False)
+        held = prim.real("mjc:body:gravcomp", 0.0)
+        found.gravity = held != 1.0 and not prim.flag("physxRigidBody:disableGravity", False)
+        if held not in (0.0, 1.0):
+            self.remark(prim, PARTLY, f"mjc:body:gravcomp {held:g}")
         return found
 
     def weight(self, prim: Prim) -> float:
@@ -229,6 +262,9 @@ class Bodies:
 
     def inertia(self, prim: Prim, moments: Array) -> Array:
         """The inertia that a body gives about its centre of mass, in its own axes and the units of the file."""
+        if prim.value("newton:inertia"):
+            xx, yy, zz, xy, xz, yz = prim.finite("newton:inertia", (0.0,) * 6)
+            return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         quaternion = prim.finite("physics:principalAxes", (0.0,) * 4)
         axes = rotation(prim, "physics:principalAxes", quaternion) if np.any(quaternion) else np.eye(3)
         found = matmul(matmul(axes, np.diag(moments)), axes.T)
@@ -245,6 +281,10 @@ class Bodies:
             form = str(shape.value("physics:approximation") or "")
             if form in APPROXIMATED:
                 self.remark(shape, "an approximation of the mesh, whose own volume is used", form, "changed")
+            if str(shape.value("newton:massModel")) == "shell" or shape.flag("mjc:shellinertia", False):
+                self.remark(shape, SHELL)
+            if shape is not body.prim and shape.value("physics:mass") == 0.0:
+                self.remark(shape, NO_MASS, "physics:mass 0")
             weight = self.weight(shape) if shape is not body.prim else 0.0
             found = part(shape, body.frame, self.length, self.density(shape, body.prim), weight)
             if found is not None:

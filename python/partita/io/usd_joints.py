@@ -1,7 +1,8 @@
 """Joints of USD as joints of ours: which directions of their frames are free, and where they are drawn.
 
-A coordinate of USD is zero where the two frames coincide, ours as drawn; so the motion that separates the frames is
-taken out of the second one, and what is left opens the joint.
+A coordinate of USD is zero where the two frames coincide, ours as drawn; so slides that separate the frames move the
+first one, along axes that it keeps, and rotations turn the second one back, about its own origin. What is left opens
+the joint.
 """
 
 from __future__ import annotations
@@ -134,13 +135,16 @@ def split(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, float
         angle = _twist(turn, axis)
         drawn[f"rot{rotations[0][1].upper()}"] = angle
         turn = matmul(turn, turned(-angle * axis))
+    slid = np.zeros(3)
     for word in kind.free:
         if len(word) == 1:
             i = "xyz".index(word)
-            drawn[f"trans{word.upper()}"], shift[i] = float(shift[i]), 0.0
+            drawn[f"trans{word.upper()}"], slid[i] = float(shift[i]), shift[i]
     if set(kind.coordinates) <= {"angular", "linear"}:
         drawn = dict(zip(kind.coordinates, drawn.values(), strict=False))
-    frames = Frames(here, matmul(here, placed(shift, turn)))
+    if norm(slid) > CLOSED * (1.0 + float(norm(here[:3, 3]))):
+        here = matmul(here, placed(slid, np.eye(3)))
+    frames = Frames(here, matmul(here, placed(shift - slid, turn)))
     gap, angle = apart(frames)
     return (frames if gap > CLOSED or angle > CLOSED else Frames(here, here)), drawn
 

@@ -23,7 +23,7 @@ import numpy as np
 from ..extras import extra
 from ..files import get, other
 from ..limits import exceeded, limit
-from .format_table import APPLIED, COMPILED, LOOKS, NO_EFFECT
+from .format_table import APPLIED, COMPILED, DROPPED, LOOKS, NO_EFFECT
 from .reading import Reading, Remark
 from .request import Request
 from .robot import Array
@@ -90,6 +90,8 @@ _OWNERS = {
 }
 """Schemas by the first word of their attributes, of those that USD itself does not know; each instance of a schema has
 its name as the second word."""
+_CONTACT = ("PhysicsCollisionAPI", "PhysicsMeshCollisionAPI")
+"""Schemas on which no motion depends where they are not applied."""
 _INSTANCES = {"drive": "PhysicsDriveAPI", "limit": "PhysicsLimitAPI", "physxMimicJoint": "PhysxMimicJointAPI"}
 
 
@@ -441,10 +443,13 @@ class _Tree:
                 self.reading.dropped.append(Remark(None, words, f'{prim.tag} "{prim.get("name")}" {key}'))
         owner = self.owner(key)
         if owner and owner not in applied and key not in own:
-            words = f"without {owner}, which is not applied here, it means nothing"
-            self.reading.dropped.append(
-                Remark(None, words, f'{prim.tag} "{prim.get("name")}" {key} {prim.attributes[key]}', "other")
-            )
+            known = USD.items("any").get(prim.tag)
+            item = USD.items("prim" if known is None else known.context).get(f"@{key}")
+            acts = item is not None and item.rule in (APPLIED, COMPILED, DROPPED) and owner not in _CONTACT
+            moves = acts and item is not None and not item.is_default(prim.attributes[key])
+            words = f"without {owner}, which is not applied here, it means nothing to USD"
+            name = f'{prim.tag} "{prim.get("name")}" {key} {prim.attributes[key]}'
+            self.reading.dropped.append(Remark(None, words, name, "motion" if moves else "other"))
             del prim.attributes[key]
 
     def looks(self, key: str) -> bool:

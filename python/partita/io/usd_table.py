@@ -15,13 +15,24 @@ KINDS = ("Revolute", "Prismatic", "Spherical", "Distance", "")
 LIMITS = "limits do not act: add_stop"
 CONTACT = "contacts are not read: add_contact"
 ACCELERATION = "a drive would give an acceleration, whatever the inertia that it moves: add_torque with a function"
+FLUID = "a fluid would resist the motion of all bodies"
 FORCE = "a bound of the drive's effort does not act"
 FRICTION = "friction would resist the motion: add_friction"
+PARTLY = "gravity acts on a body fully or not at all"
+NO_MASS = (
+    "a mass of 0 says nothing in USD, so its volume counts with its density; where a shape without mass is meant, as "
+    "converters from MJCF write it: give the body its mass"
+)
+SHELL = "the mass would lie in the surface of this shape; it fills its volume"
+WELDED = "{} is given, so it has none; it is welded to a body that moves, and other programs may give it 1 kg"
 VELOCITY = "the body would start with this velocity: assemble(rates=...) gives a state one"
 OWN = "partita"
 """Namespace of attributes that hold in double precision what USD has in single."""
 
+_OTHERS = "an attribute of Newton or MuJoCo that is not known here: the motion may depend on it"
+_ACTUATOR = "an actuator, which acts when driven, or by itself where its law has a bias"
 _BREAKS = "the joint would break under this load"
+_EXACT = "couplings and loops are held exactly, without this softness"
 _SOLVER = "settings of a solver"
 _SHAPE = "mass and inertia of a body that gives none; drawn"
 
@@ -43,17 +54,22 @@ _PRIMS = (
     ),
     (NO_EFFECT, "PhysicsCollisionGroup*=group", "contacts are not read"),
     (APPLIED, "Material*", "density of shapes"),
+    (COMPILED, "NewtonActuator* MjcActuator*", _ACTUATOR),
+    (COMPILED, "MjcTendon*", "a tendon, which is reported by what it does"),
+    (OTHER, "MjcKeyframe*", "a state that is stored: assemble(targets=...)"),
 )
 _XFORM = (
     (APPLIED, "@name @xformOp: @xformOpOrder", "where it is"),
     (
         LOOKS,
-        "@visibility @purpose @primvars: @material: @extent @doubleSided @orientation @inputs: @outputs: @info: "
-        "@subsetFamily:",
+        "@visibility @purpose @primvars: @material: @extent @extentsHint @doubleSided @orientation @inputs: @outputs: "
+        "@info: @subsetFamily:",
         "",
     ),
     (APPLIED, f"@{OWN}:name", "of files that Partita writes: a name that USD cannot have"),
     (NO_EFFECT, "@proxyPrim @userProperties: @ui: @kind @collection: @model:", ""),
+    (DROPPED, "@newton: @mjc:", _OTHERS),
+    (LOOKS, "@MjcImageableAPI @MjcSiteAPI @NewtonSiteAPI @mjc:group", ""),
 )
 _RIGID = (
     (APPLIED, "@PhysicsRigidBodyAPI @physics:rigidBodyEnabled", "a body, unless it is disabled"),
@@ -67,7 +83,7 @@ _RIGID = (
     (NO_EFFECT, "@physics:simulationOwner", "the scene that it belongs to"),
     (
         APPLIED,
-        "@PhysicsMassAPI @physics:mass(0) @physics:density(0) @physics:centerOfMass @physics:diagonalInertia "
+        "@PhysicsMassAPI @physics:mass @physics:density(0) @physics:centerOfMass @physics:diagonalInertia "
         "@physics:principalAxes",
         "mass, centre of mass and inertia; what is not given follows from the shapes",
     ),
@@ -112,6 +128,23 @@ _RIGID = (
         _SOLVER,
     ),
     (BOUNDS, "@physxArticulation:enabledSelfCollisions(false)", CONTACT),
+    (APPLIED, "@newton:inertia", "the inertia, before that by moments and axes"),
+    (NO_EFFECT, "@NewtonMassAPI", "its attributes count"),
+    (COMPILED, "@newton:massModel(solid) @mjc:shellinertia(false)", SHELL),
+    (NO_EFFECT, "@newton:shellThickness", "see newton:massModel"),
+    (COMPILED, "@mjc:body:gravcomp(0)", PARTLY),
+    (NO_EFFECT, "@NewtonArticulationRootAPI @newton:selfCollisionEnabled", "contacts are not read"),
+    (APPLIED, "@newton:jointsAddMobility(false)", "joints between the same two bodies are one after the other"),
+    (
+        NO_EFFECT,
+        "@NewtonCollisionAPI @NewtonMeshCollisionAPI @NewtonSDFCollisionAPI @newton:contactMargin @newton:contactGap "
+        "@newton:maxHullVertices @newton:sdfMaxResolution @newton:sdfTargetVoxelSize @newton:sdfNarrowBandInner "
+        "@newton:sdfNarrowBandOuter @newton:sdfTextureFormat @newton:sdfPadding @newton:hydroelasticEnabled "
+        "@newton:hydroelasticStiffness @MjcCollisionAPI @MjcMeshCollisionAPI @mjc:condim @mjc:gap @mjc:margin "
+        "@mjc:priority @mjc:solimp @mjc:solmix @mjc:solref @mjc:maxhullvert",
+        "contacts are not read, which a remark on the shape says",
+    ),
+    (DROPPED, "@mjc:inertia(legacy|convex|exact)", "the inertia of the mesh would be computed otherwise"),
     (BOUNDS, "@PhysxCollisionAPI @physxCollision: @PhysxConvexHullCollisionAPI @physxConvexHullCollision:", CONTACT),
 )
 _OWN_BODY = (
@@ -135,7 +168,37 @@ _JOINT = (
     (NO_EFFECT, "@physxArticulation:articulationEnabled", ""),
     (BOUNDS, "@physxArticulation:enabledSelfCollisions(false)", CONTACT),
     (BOUNDS, "@physics:breakForce(inf) @physics:breakTorque(inf)", _BREAKS),
-    (APPLIED, "@PhysxJointAPI @physxJoint:armature(0)", "a rotor along the coordinate"),
+    (
+        APPLIED,
+        "@PhysxJointAPI @physxJoint:armature(0) @newton:armature(0) @mjc:armature(0)",
+        "a rotor along each coordinate",
+    ),
+    (NO_EFFECT, "@NewtonJointAPI @MjcJointAPI", "its attributes count"),
+    (APPLIED, "@newton:damping(0) @mjc:damping(0)", "a damper along each coordinate, per degree by Newton"),
+    (APPLIED, "@mjc:stiffness(0) @mjc:springref(0) @mjc:ref(0)", "a spring along the coordinate"),
+    (DROPPED, "@mjc:springdamper(0 0)", "MuJoCo would choose a spring and a damper by time constants"),
+    (DROPPED, "@newton:friction(0) @mjc:frictionloss(0)", FRICTION),
+    (BOUNDS, "@newton:velocityLimit(inf)", "a bound of the speed does not act"),
+    (BOUNDS, "@newton:limitStiffness(-inf) @newton:limitDamping(-inf) @mjc:margin(0)", LIMITS),
+    (OTHER, "@mjc:solreflimit(0.02 1) @mjc:solimplimit(0.9 0.95 0.001 0.5 2)", LIMITS),
+    (OTHER, "@mjc:solreffriction(0.02 1) @mjc:solimpfriction(0.9 0.95 0.001 0.5 2)", FRICTION),
+    (
+        BOUNDS,
+        "@mjc:actuatorfrclimited(auto) @mjc:actuatorfrcrange:min(0) @mjc:actuatorfrcrange:max(0) "
+        "@mjc:actuatorgravcomp(false)",
+        "bounds of actuators do not act",
+    ),
+    (NO_EFFECT, "@MjcEqualityAPI @MjcEqualityConnectAPI @MjcEqualityWeldAPI", "a joint that closes a loop"),
+    (OTHER, "@mjc:solref(0.02 1) @mjc:solimp(0.9 0.95 0.001 0.5 2) @mjc:torqueScale(1)", _EXACT),
+    (
+        APPLIED,
+        "@NewtonMimicAPI @MjcEqualityJointAPI @newton:mimicEnabled(true) @newton:mimicJoint @newton:mimicCoef0(0) "
+        "@newton:mimicCoef1(1) @mjc:target @mjc:coef0(0) @mjc:coef1(1)",
+        "a coupler: coordinate = coefficient 0 + coefficient 1 x that of the other joint; in degrees by Newton",
+    ),
+    (COMPILED, "@mjc:coef2(0) @mjc:coef3(0) @mjc:coef4(0)", "a polynomial of higher order is reported"),
+    (NO_EFFECT, "@NewtonArticulationRootAPI @newton:selfCollisionEnabled", "contacts are not read"),
+    (APPLIED, "@newton:jointsAddMobility(false)", "joints between the same two bodies are one after the other"),
     (DROPPED, "@physxJoint:jointFriction(0)", FRICTION),
     (BOUNDS, "@physxJoint:maxJointVelocity(inf)", "a bound of the speed does not act"),
     (NO_EFFECT, "@physxJoint:enableProjection", _SOLVER),
@@ -168,6 +231,17 @@ def _drives(*names: str) -> tuple[tuple[str, str, str], ...]:
             _named(f"@{OWN}:{{0}}:stiffness @{OWN}:{{0}}:damping @{OWN}:{{0}}:rest @{OWN}:{{0}}:rotor", names),
             "of files that Partita writes, in SI, where USD's own agree to single precision",
         ),
+    )
+
+
+def _drives_of_balls() -> tuple[tuple[str, str, str], ...]:
+    """Rows of drives about axes that are no coordinates."""
+    words = "a drive would act about an axis that is not a coordinate of this joint: add_bushing"
+    names = ("angular", *AXES[3:])
+    keys = ("type", "stiffness", "damping", "targetPosition", "targetVelocity", "maxForce")
+    return (
+        (DROPPED, _named("@PhysicsDriveAPI:{0}", names), words),
+        *((NO_EFFECT, _named(f"@drive:{{0}}:physics:{key}", names), "see there") for key in keys),
     )
 
 
@@ -204,7 +278,7 @@ _MIMIC = tuple(
         (
             OTHER,
             f"@physxMimicJoint:{name}:naturalFrequency @physxMimicJoint:{name}:dampingRatio",
-            "couplings are held exactly, without this softness",
+            _EXACT,
         ),
     )
 )
@@ -248,6 +322,23 @@ USD = Table(
                 "gravity; by default that of the earth, 9.81 m/s^2, downwards",
             ),
             (NO_EFFECT, "@PhysxSceneAPI @physxScene:", _SOLVER),
+            (APPLIED, "@newton:gravityEnabled(true) @mjc:flag:gravity(true)", "whether gravity acts"),
+            (
+                NO_EFFECT,
+                "@NewtonSceneAPI @NewtonXpbdSceneAPI @NewtonKaminoSceneAPI @NewtonVbdSceneAPI @NewtonMPMSceneAPI "
+                "@MjcSceneAPI @newton: @mjc:",
+                _SOLVER,
+            ),
+            (APPLIED, "@mjc:compiler:angle(degree)", "the unit of angles of springs of MuJoCo"),
+            (APPLIED, "@mjc:flag:spring(true) @mjc:flag:damper(true) @mjc:flag:equality(true)", "what it disables"),
+            (DROPPED, "@mjc:flag:constraint(true)", "without constraints the loops of the file would be open"),
+            (DROPPED, "@mjc:option:density(0) @mjc:option:viscosity(0) @mjc:option:wind(0 0 0)", FLUID),
+            (
+                DROPPED,
+                "@mjc:compiler:setTotalMass(-1) @mjc:compiler:balanceInertia(false) @mjc:compiler:boundMass(0) "
+                "@mjc:compiler:boundInertia(0) @mjc:compiler:inertiaFromGeom(auto)",
+                "the compiler of MuJoCo would change masses",
+            ),
             (APPLIED, f"@{OWN}:gravity", "of files that Partita writes, in SI"),
         ),
         "joint": _JOINT,
@@ -260,6 +351,7 @@ USD = Table(
         ),
         "PhysicsPrismaticJoint": (*_AXIS, *_RANGE, *_drives("linear"), *_states("linear")),
         "PhysicsSphericalJoint": (
+            *_drives_of_balls(),
             (NO_EFFECT, "@physics:axis", "that of the cone"),
             (BOUNDS, "@physics:coneAngle0Limit(-1) @physics:coneAngle1Limit(-1)", LIMITS),
         ),
@@ -289,6 +381,30 @@ USD = Table(
                 "contacts are not read",
             ),
         ),
+        "NewtonActuator": (
+            (COMPILED, "@newton:kp(0) @newton:kd(0) @newton:ki(0) @newton:constEffort(0)", _ACTUATOR),
+            (
+                NO_EFFECT,
+                "@newton: @NewtonPDControlAPI @NewtonPIDControlAPI @NewtonActuatorControlBaseAPI "
+                "@NewtonActuatorClampingBaseAPI @NewtonMaxEffortClampingAPI @NewtonDCMotorClampingAPI "
+                "@NewtonPositionBasedClampingAPI @NewtonActuatorDelayAPI",
+                "see there",
+            ),
+            (DROPPED, "@NewtonNeuralControlAPI", "a network would act"),
+        ),
+        "MjcActuator": (
+            (COMPILED, "@mjc:biasType(none)", _ACTUATOR),
+            (NO_EFFECT, "@mjc:", "see there"),
+        ),
+        "MjcTendon": (
+            (
+                COMPILED,
+                "@mjc:stiffness(0) @mjc:damping(0) @mjc:armature(0) @mjc:frictionloss(0) @mjc:range:min(0) "
+                "@mjc:range:max(0)",
+                "by these it is reported",
+            ),
+            (NO_EFFECT, "@mjc:", "see there"),
+        ),
         "Material": (
             (
                 APPLIED,
@@ -297,10 +413,27 @@ USD = Table(
             ),
             (BOUNDS, "@physics:dynamicFriction @physics:staticFriction @physics:restitution", CONTACT),
             (BOUNDS, "@PhysxMaterialAPI @physxMaterial:", CONTACT),
+            (
+                NO_EFFECT,
+                "@NewtonMaterialAPI @MjcMaterialAPI @NewtonMPMMaterialAPI @newton: @mjc:",
+                "contacts are not read",
+            ),
         ),
     },
     {
-        **dict.fromkeys(("prim", "joint", "PhysicsScene", "group", "Material"), "any"),
+        **dict.fromkeys(
+            (
+                "prim",
+                "joint",
+                "PhysicsScene",
+                "group",
+                "Material",
+                "NewtonActuator",
+                "MjcActuator",
+                "MjcTendon",
+            ),
+            "any",
+        ),
         **dict.fromkeys(("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Plane", "Mesh"), "prim"),
         **dict.fromkeys((f"Physics{kind}Joint" for kind in KINDS), "joint"),
     },

@@ -15,6 +15,7 @@ def load(
     loops: str | PathLike[str] | None = None,
     inertia: str | None = None,
     root: str | PathLike[str] | None = None,
+    serial_joints: str = "stated",
 ) -> Mechanism:
     """Read a mechanism from a model file; the suffix says which kind: .toml, .urdf, .sdf, .mjcf, .xml,
     .usda, .usd, .usdc.
@@ -32,12 +33,15 @@ def load(
         inertia: "strict" refuses an inertia that no body can have, "repair" replaces it by the nearest possible one
             and reports it. Default: "repair" for robots' files, "strict" for TOML.
         root: a folder around that of the model, within which the files that it names may lie. Default: its own folder.
+        serial_joints: what several joints of USD between the same two bodies are. "stated": they hold all at once, as
+            USD has it, unless the file states that they add mobility (`newton:jointsAddMobility`). "auto": where each
+            frees what the others lock they are one after the other, as converters from MJCF mean it.
 
     Raises:
         MissingFileError: there is no such file.
         FileFormatError: the suffix is not known, or the content is wrong; `line` says where.
-        ArgumentError: base or inertia is none of its words, the model is not in root, or the format has no loops to
-            list.
+        ArgumentError: base, inertia or serial_joints is none of its words, the model is not in root, or the format has
+            no loops to list.
 
     >>> import partita as pt
     >>> try:
@@ -46,5 +50,6 @@ def load(
     ...     print(error.path)
     no-such-file.toml
     """
-    mechanism: Mechanism = read(path, Mechanism, base=base, loops=loops, inertia=inertia, root=root)
+    asked = {"base": base, "loops": loops, "inertia": inertia, "root": root, "serial_joints": serial_joints}
+    mechanism: Mechanism = read(path, Mechanism, **asked)
     return mechanism

@@ -45,9 +45,11 @@ def to_fmu(
 
     Args:
         path: the file, such as "four-bar.fmu"; an existing one is replaced.
-        inputs: names of torques (`add_torque`), for their values; of drives of joint coordinates, for their rates; of
-            joints with one coordinate, for an effort along it. An effort is constant over a communication step; the
-            rate of a drive varies linearly and reaches the given value at its end.
+        inputs: names of torques (`add_torque`), for their values; of drives of joint coordinates, for their motions; of
+            joints with one coordinate, for an effort along it. An effort is constant over a communication step. A drive
+            "lift" of positions has the inputs "lift", "lift.rate" and "lift.acceleration", one of velocities "lift",
+            its rate, and "lift.acceleration": their values at the beginning of a step say where the drive is at its
+            end, and it moves there without jumps of position and rate.
         outputs: "A.position", "A.velocity", "A.force", "A.moment" (reaction on the child, world axes) and "A.effort"
             (of a drive) of a joint A; "A" for position and velocity; "energy.kinetic", "energy.potential", "energy" for
             both. None: all joints and the energies. Angles of joints that close loops in space are reported within one
@@ -105,21 +107,21 @@ def to_fmu(
         start.t, span, model.velocity_names, rtol=rtol, atol=atol, method=method, solver=solver
     )
     reported: list[dict[str, object]] = []
-    starts: list[float] = []
+    starts: list[list[float]] = []
     for one in known:
-        if one.kind == "rate":
+        if one.kind != "effort":
             measure = description.drives[one.name].measure
             joint, i = str(measure["joint"]), int(measure["coordinate"])
             position, rate = (_scalar(x, i) for x in (state.position(joint), state.velocity(joint)))
-            reported.append({"kind": "rate", "start": rate, "position": position})
-            starts.append(rate)
+            reported.append({"kind": one.kind, "position": position, "rate": rate})
+            starts.append([position, rate, 0.0] if one.kind == "position" else [rate, 0.0])
         else:
             force = description.forces[one.name if one.name in description.forces else f"input {one.name}"]
             value = force.value.value if isinstance(force, TorqueRecord) and isinstance(force.value, Constant) else 0.0
             reported.append({"kind": "effort", "start": value})
-            starts.append(value)
+            starts.append([value])
     resource = {
-        "fmu": 1,
+        "fmu": 2,
         "model": fmu.model_of(description, layout, known),
         "options": options,
         "start": {"t": start.t, "q": q.tolist(), "v": v.tolist()},

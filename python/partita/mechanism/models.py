@@ -11,9 +11,13 @@ from .. import options as run_options
 from ..builder import Builder
 from ..builder.compiled import CompiledModel, compile_description
 from ..builder.remarks import remarks
+from ..errors import DescriptionError
 from ..extras import check_not_ending
 from ..logger import logger
 from ..state import Layout
+
+_STILL = "every body is fixed to the ground"
+"""Words of the core where nothing is free."""
 
 
 class Modelled(Builder):
@@ -60,7 +64,15 @@ def compile(self: Modelled, coordinates: str = "relative") -> CompiledModel:
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     version = self._description.version
     if wanted not in self._compiled or self._compiled[wanted][0] != version:
-        self._compiled[wanted] = (version, *compile_description(self._description.copy(), wanted))
+        try:
+            self._compiled[wanted] = (version, *compile_description(self._description.copy(), wanted))
+        except DescriptionError as error:
+            reading = getattr(self, "reading", None)
+            still = not self._description.bodies or _STILL in error.message
+            if reading is None or not reading.stands or not still:
+                raise
+            words = "nothing in the file can move" if not self._description.bodies else error.message
+            raise DescriptionError(f"{words}: {reading.stands}", **error.fields) from error
     return self._compiled[wanted][1]
 
 
