@@ -27,6 +27,7 @@ TOOLS = Path(__file__).parent
 DOCS = TOOLS.parent / "docs"
 PAPER = TOOLS.parent / "examples" / "paper"
 TESTS = TOOLS.parent / "tests" / "python"
+LABEL = re.compile(r"\(([A-Z]?\d{1,2})\)")  # of an equation, in the heading that is its place
 PART = re.compile(r"(<!-- begin (\w[\w-]*)[^\n]*-->\n).*?(<!-- end \2 -->)", flags=re.DOTALL)
 
 
@@ -166,6 +167,17 @@ def tolerances_page() -> str:
     return str(scripts(TESTS, "tolerances").page())
 
 
+def labels_page() -> str:
+    """Every label of the theory with a link to its place, page by page."""
+    lines = ["", "| page | labels |", "|---|---|"]
+    for page in sorted((DOCS / "theory").glob("*.md")):
+        title, *headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        links = [f"[({label})]({page.name}#{anchor(head)})" for head in headings for label in LABEL.findall(head)]
+        if links:
+            lines.append(f"| [{title}]({page.name}) | {', '.join(links)} |")
+    return "\n".join([*lines, ""])
+
+
 def trust_page() -> str:
     """The cases that the tests ask, class by class, with what comes out of them."""
     trust = scripts(TESTS, "trust")
@@ -222,6 +234,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "messages": messages_page,
     "trust": trust_page,
     "tolerances": tolerances_page,
+    "labels": labels_page,
 }
 
 
