@@ -27,7 +27,6 @@ TOOLS = Path(__file__).parent
 DOCS = TOOLS.parent / "docs"
 PAPER = TOOLS.parent / "examples" / "paper"
 TESTS = TOOLS.parent / "tests" / "python"
-LABEL = re.compile(r"\(([A-Z]?\d{1,2})\)")  # of an equation, in the heading that is its place
 PART = re.compile(r"(<!-- begin (\w[\w-]*)[^\n]*-->\n).*?(<!-- end \2 -->)", flags=re.DOTALL)
 
 
@@ -69,6 +68,7 @@ def catalogue_page() -> str:
     """A table of all entries, then each of them."""
     entries = [catalogue.entry(name) for name in catalogue.names() if name not in catalogue.zoo.ENTRIES]
     lines = ["| name | what |", "|---|---|"]
+    anchor = scripts(TOOLS, "website.labels").anchor
     lines += [f"| [{e.name}](#{anchor(e.name)}) | {e.title} |" for e in entries]
     for e in entries:
         options = "".join(f", {key} {value:g}" for key, value in e.options.items())
@@ -169,12 +169,14 @@ def tolerances_page() -> str:
 
 def labels_page() -> str:
     """Every label of the theory with a link to its place, page by page."""
+    labels = scripts(TOOLS, "website.labels")
+    rows: dict[Path, list[str]] = {}
+    for label, page, heading in labels.targets():
+        rows.setdefault(page, []).append(f"[({label})]({page.name}#{labels.anchor(heading)})")
     lines = ["", "| page | labels |", "|---|---|"]
-    for page in sorted((DOCS / "theory").glob("*.md")):
-        title, *headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
-        links = [f"[({label})]({page.name}#{anchor(head)})" for head in headings for label in LABEL.findall(head)]
-        if links:
-            lines.append(f"| [{title}]({page.name}) | {', '.join(links)} |")
+    for page, links in rows.items():
+        title = page.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+        lines.append(f"| [{title}]({page.name}) | {', '.join(links)} |")
     return "\n".join([*lines, ""])
 
 
@@ -218,11 +220,6 @@ def kind_of(joint: Mapping[str, Any]) -> str:
 def capital(text: str) -> str:
     """`text` as the beginning of a sentence."""
     return text[0].upper() + text[1:]
-
-
-def anchor(heading: str) -> str:
-    """The id that a heading gets."""
-    return re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
 
 
 GENERATED: dict[str, Callable[[], str]] = {

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import io
 import re
+import sys
 import tokenize
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+from website import labels as site
 
 ROOT = Path(__file__).parents[2]
 THEORY = ROOT / "docs" / "theory"
@@ -27,16 +29,6 @@ SECTION = re.compile(r"[Tt]heory \d|[Cc]atalogue row \d|(?<![\w(])\((?:[3-9]|1\d
 HEADING = re.compile(r"^#{2,4} (.*)$", flags=re.MULTILINE)
 MATH = re.compile(r"^```math\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"\]\(([\w/.-]*\.md)?#([\w-]+)\)")
-
-
-@cache
-def tool() -> ModuleType:
-    """tools/docs.py, which is no part of the package."""
-    found = importlib.util.spec_from_file_location("docs_tool_of_theory", ROOT / "tools" / "docs.py")
-    assert found is not None and found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    return module
 
 
 def sources() -> Iterator[Path]:
@@ -69,11 +61,6 @@ def cited(comment: str) -> list[str]:
     return [*listed, *(found[0] for found in BARE.finditer(LISTED.sub("", comment)))]
 
 
-def labels(heading: str) -> list[str]:
-    found: list[str] = tool().LABEL.findall(heading)
-    return found
-
-
 def sections(text: str) -> Iterator[tuple[str, str]]:
     """Headings of a page with what stands below each."""
     parts = HEADING.split(text)[1:]
@@ -88,7 +75,9 @@ def pages() -> dict[str, str]:
 @cache
 def stated() -> Counter[str]:
     """How many places each label has."""
-    return Counter(label for text in pages().values() for heading, _ in sections(text) for label in labels(heading))
+    return Counter(
+        label for text in pages().values() for heading, _ in sections(text) for label in site.LABEL.findall(heading)
+    )
 
 
 def faults(name: str, text: str, known: Counter[str]) -> Iterator[str]:
@@ -113,7 +102,7 @@ def test_every_label_that_a_comment_cites_has_one_place() -> None:
 
 
 def test_no_label_has_two_places_and_none_is_missing_in_its_series() -> None:
-    assert [label for label, places_of_it in stated().items() if places_of_it > 1] == []
+    assert [label for label, count in stated().items() if count > 1] == []
     series: dict[str, list[int]] = {}
     for label in stated():
         series.setdefault(label.rstrip("0123456789"), []).append(int(label.lstrip("ABCDEFGHIJKLMNOPQRSTUVWXYZ")))
@@ -132,13 +121,12 @@ def unmarked(text: str) -> list[str]:
     found = []
     for heading, below in sections(text):
         formulas = "".join(MATH.findall(below))
-        found += [label for label in labels(heading) if rf"\text{{({label})}}" not in formulas]
+        found += [label for label in site.LABEL.findall(heading) if rf"\text{{({label})}}" not in formulas]
     return found
 
 
 def test_links_to_headings_lead_to_one() -> None:
-    anchor = tool().anchor
-    wrong = []
+    missing = []
     for page in sorted((ROOT / "docs").rglob("*.md")):
         for file, fragment in LINK.findall(page.read_text("utf-8")):
             target = page.parent / file if file else page
@@ -146,9 +134,9 @@ def test_links_to_headings_lead_to_one() -> None:
                 continue
             plain = re.sub(r"^```.*?^```$", "", target.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
             heads = re.findall(r"^#+ (.*)$", plain, flags=re.MULTILINE)
-            if fragment not in {anchor(head.replace("`", "")) for head in heads}:
-                wrong.append(f"{page.name}: {file}#{fragment}")
-    assert not wrong
+            if fragment not in {site.anchor(head.replace("`", "")) for head in heads}:
+                missing.append(f"{page.name}: {file}#{fragment}")
+    assert not missing
 
 
 @pytest.mark.parametrize(
@@ -182,3 +170,17 @@ def test_what_is_no_citation_is_none() -> None:
 def test_a_formula_without_its_label_is_seen() -> None:
     text = "# T\n\n## (S1), (1) Equations\n\n```math\n\\text{(S1)} x\n```\n\n(1) too.\n\n## (2) None\n\nWords.\n"
     assert unmarked(text) == ["1", "2"]
+
+
+def test_labels_on_pages_of_the_site_are_links() -> None:
+    """In running text, but not in code, formulas, links, headings and below their own."""
+    known = {label: (page, heading) for label, page, heading in site.targets()}
+    assert set(known) == set(stated())
+    reduced, measure = site.DOCS / "theory" / "reduced.md", site.DOCS / "measure.md"
+    text = "# T (P3)\n\nBy (P3), `(P3)`, $(P3)$, [(P3)](x.md), f(3), (99).\n\n```math\n(P3)\n```\n"
+    place = f"theory/reduced.md#{site.anchor(known['P3'][1])}"
+    assert site.linked(text, measure, known) == text.replace("By (P3)", f"By [(P3)]({place})")
+    own = f"## {known['P3'][1]}\n\n(P3) by (P2).\n\n## Next\n\n(12)\n"
+    shown = site.linked(own, reduced, known)
+    assert shown.startswith(own[: own.index("(P2)")]) and shown.count("](../theory/") == 2
+    assert site.cites(measure) and site.cites(reduced) and not site.cites(site.DOCS / "questions.md")
