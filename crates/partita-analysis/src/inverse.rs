@@ -326,7 +326,7 @@ impl Inverse {
         Ok(())
     }
 
-    /// |k_s|² of each actuator at the positions of the last `columns`, with all joints open.                (I2)
+    /// |k_s|² of each actuator at the positions of the last `columns`, with all joints open.                (19)
     pub(crate) fn lengths2(&self, t: f64, q: &[f64], room: &mut Room) -> Result<Vec<f64>, SystemError> {
         self.actuated.look(q, &room.still, &mut room.scratch);
         let length2 = |(lever, factors): (&Lever, &[f64; 3])| {
