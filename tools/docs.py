@@ -68,6 +68,7 @@ def catalogue_page() -> str:
     """A table of all entries, then each of them."""
     entries = [catalogue.entry(name) for name in catalogue.names() if name not in catalogue.zoo.ENTRIES]
     lines = ["| name | what |", "|---|---|"]
+    anchor = scripts(TOOLS, "website.labels").anchor
     lines += [f"| [{e.name}](#{anchor(e.name)}) | {e.title} |" for e in entries]
     for e in entries:
         options = "".join(f", {key} {value:g}" for key, value in e.options.items())
@@ -166,6 +167,19 @@ def tolerances_page() -> str:
     return str(scripts(TESTS, "tolerances").page())
 
 
+def labels_page() -> str:
+    """Every label of the theory with a link to its place, page by page."""
+    labels = scripts(TOOLS, "website.labels")
+    rows: dict[Path, list[str]] = {}
+    for label, page, heading in labels.targets():
+        rows.setdefault(page, []).append(f"[({label})]({page.name}#{labels.anchor(heading)})")
+    lines = ["", "| page | labels |", "|---|---|"]
+    for page, links in rows.items():
+        title = page.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+        lines.append(f"| [{title}]({page.name}) | {', '.join(links)} |")
+    return "\n".join([*lines, ""])
+
+
 def trust_page() -> str:
     """The cases that the tests ask, class by class, with what comes out of them."""
     trust = scripts(TESTS, "trust")
@@ -208,11 +222,6 @@ def capital(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
-def anchor(heading: str) -> str:
-    """The id that a heading gets."""
-    return re.sub(r"[^\w-]", "", heading.lower().replace(" ", "-"))
-
-
 GENERATED: dict[str, Callable[[], str]] = {
     "catalogue": catalogue_page,
     "zoo": zoo_page,
@@ -222,6 +231,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "messages": messages_page,
     "trust": trust_page,
     "tolerances": tolerances_page,
+    "labels": labels_page,
 }
 
 

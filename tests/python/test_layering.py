@@ -353,6 +353,7 @@ def test_every_room_that_the_pages_name_exists() -> None:
     missing = [name for name in named if not ((ROOT / name).exists() or (CRATES / name).exists())]
     assert len(named) > 20
     assert not missing
+    assert all(len(line) <= 120 for line in (ROOT / "docs" / "modules.md").read_text("utf-8").splitlines())
 
 
 def methods(text: str) -> dict[str, int]:

@@ -17,7 +17,7 @@ from typing import Any
 
 from partita import catalogue
 
-from . import conf, docstrings, gallery, notebooks
+from . import conf, docstrings, gallery, labels, notebooks
 from .outline import PARTS, REFERENCE
 
 HERE = Path(__file__).parent
@@ -44,11 +44,13 @@ private ones included, with the labels of the equations:
 
 def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | None = None) -> None:
     """Put the sources of the site into an empty `folder`; `draw` makes the figures, `only` some of the gallery."""
+    known = {label: (page, heading) for label, page, heading in labels.targets()}
     for page in sorted(DOCS.rglob("*.md")):
         target = folder / page.relative_to(DOCS)
         target.parent.mkdir(parents=True, exist_ok=True)
         # notebooks and the changelog are pages of the site, beside the others
         text = NOTEBOOK.sub(r"\1.md)", page.read_text(encoding="utf-8"))
+        text = labels.linked(text, page, known) if labels.cites(page) else text
         target.write_text(text.replace("](../CHANGELOG.md)", "](changelog.md)"), encoding="utf-8")
         for picture in SHOWN.findall(text):
             if (file := page.parent / picture).is_file():  # the others are drawn for the site

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! v  = Dᵀ u + [0; η],   G v = y'              G: rates of the goals by velocities
-//! v' = Dᵀ u' + [0; ξ],  G v' + G' v = y''                                                        (P2, S4, S5)
+//! v' = Dᵀ u' + [0; ξ],  G v' + G' v = y''                                                                (I3)
 //! ```
 //!
 //! The goals determine u where P = G Dᵀ has full rank; it is measured in an orthonormal basis of the motions, in natural

@@ -1,7 +1,7 @@
 //! Linearised equations of motion about a state, and their modes.
 //!
 //! ```text
-//! x = (z, p, u, p')     x' = f0 + A (x − x0) + B w     z, u: independent positions and velocities, p: of drives
+//! x = (z, p, u, p')     x' = f0 + A (x − x0) + B w     z, u: independent positions and velocities, p: of drives      (V5)
 //! ```
 
 use crate::error::AnalysisError;

@@ -5,7 +5,7 @@
 //! of the whole step, not to that of the stage:
 //!
 //! ```text
-//! y(t₀ + c_i h) = y₀ + h Σ a_ij y'_j,   y'_i = f(t₀ + c_i h, y_i)
+//! y(t₀ + c_i h) = y₀ + h Σ a_ij y'_j,   y'_i = f(t₀ + c_i h, y_i)                              (X3)
 //! ```
 //!
 //! A step across a singular position ([`CrossingStep`](crate::crossing_step::CrossingStep)) is solved by sweeps over an increasing number of nodes: each sweep

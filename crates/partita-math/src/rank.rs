@@ -1,4 +1,4 @@
-//! Which rows of C are independent: theory 11.1.
+//! Which rows of C are independent. (C1)
 //!
 //! ```text
 //! R = diag(G)^-1/2 G diag(G)^-1/2,   G = C S² Cᵀ,   S the scales of the columns

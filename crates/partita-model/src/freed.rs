@@ -115,7 +115,7 @@ impl Freed {
         Self { wholes, of, rotors }
     }
 
-    /// |k_s|² of an effort at (t, q), at the last look: of components along `what`, with their factors.    (19)
+    /// |k_s|² of an effort at (t, q), at the last look: of components along `what`, with their factors.    (I2)
     ///
     /// # Errors
     /// Functions that fail.

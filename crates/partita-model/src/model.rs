@@ -225,7 +225,7 @@ impl Model {
         Ok(made)
     }
 
-    /// The mechanism that a description represents: exact, repaired or as drawn.                               (11.9)
+    /// The mechanism that a description represents: exact, repaired or as drawn.                                 (T3)
     fn build(spec: Spec, functions: Arc<dyn Functions>, coordinates: Coordinates) -> Result<Self, DescriptionError> {
         let form = (coordinates, true);
         let mut model = Self::compiled(spec, functions.clone(), form, false)?;

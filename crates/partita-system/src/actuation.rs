@@ -1,7 +1,7 @@
 //! Actuators: forces E τ beside those of S1, in the reduced equations.
 //!
 //! ```text
-//! B = D E,   B τ = τ_d := D (M v' − h)          h without the efforts τ
+//! B = D E,   B τ = τ_d := D (M v' − h)          h without the efforts τ                      (I1)
 //! ```
 //!
 //! The columns of E (n x s) are generalised forces of unit efforts, and gradients of the quantities along which the
@@ -62,7 +62,7 @@ impl Actuation {
     }
 
     /// Smallest singular value of L_d⁻¹ B diag(1/|k_s|): 1 where the admissible motions are those along the actuators, 0
-    /// where a motion escapes them, or two of them do the same.                                    (25)
+    /// where a motion escapes them, or two of them do the same.                                    (I2)
     pub fn margin(&self) -> f64 {
         self.margin
     }

@@ -1,7 +1,7 @@
 //! Possible motions of a mechanism from a singular position, to second order, each tested by a finite displacement.
 //!
 //! Rates u in the kernel of C are motions to first order alone. Each self-stress n, `C^T n = 0`, requires to second
-//! order that `Q_n(u) = n^T b(D^T u)` vanish: forms that vanish belong to redundant rows, a definite one leaves no
+//! order that `Q_n(u) = n^T b(D^T u)` vanish (C2): forms that vanish belong to redundant rows, a definite one leaves no
 //! motion at all, the others leave a cone of directions. Along each direction of it the mechanism is moved a few
 //! degrees and closed there with all its rows: a direction that does not close is not a motion, and the rank there is
 //! that of the branch.

@@ -24,7 +24,7 @@ pub struct Block {
 pub struct BlockState {
     /// Sign ε of the pivot: which of the two solutions; 0 where a block has only one (or is implicit).
     pub branch: i8,
-    /// The pivot over its largest possible value, without its sign: 0 at a dead point of the block, 1 at best.  (8.2)
+    /// The pivot over its largest possible value, without its sign: 0 at a dead point of the block, 1 at best. (L1, 39)
     pub pivot: f64,
 }
 

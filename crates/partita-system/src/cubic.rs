@@ -1,4 +1,4 @@
-//! Cubics by values and rates at the two ends of an interval, and how far what they stand for may be from them.
+//! Cubics by values and rates at the two ends of an interval, and how far what they stand for may be from them. (W1)
 
 /// Longest interval over which a function of the state is approximated by a cubic. Scale: characteristic displacement.
 /// Reason: over a third of a turn it has one minimum; over a full turn it returns to its values and hides the extrema

@@ -59,7 +59,7 @@ pub struct FormulationOptions {
     pub weights: Option<Vec<f64>>,
     /// Rule that chooses the independent coordinates.
     pub selection: Selection,
-    /// Length of the persistence window (6.6) (s).
+    /// Length of the persistence window (P8) (s).
     pub window: Option<f64>,
     /// Baumgarte's α and β [1/s]: `Φ̈ + 2αΦ̇ + β²Φ = 0`. Never a default.
     pub baumgarte: Option<(f64, f64)>,

@@ -73,7 +73,7 @@ impl StepBoundary {
     }
 
     /// Velocities do not jump: is their change up to `end` that of the accelerations at both? They count in their
-    /// scales s, so that the sum is nearly the mass metric's.
+    /// scales s, so that the sum is nearly the mass metric's.                              (X4)
     pub fn continues_to(&self, end: &Self, s: &[f64]) -> bool {
         if self.all.len() != end.all.len() {
             return true; // no step began yet

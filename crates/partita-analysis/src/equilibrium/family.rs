@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! h_d(z, x) = 0        [ K_d   −(h_d)_x ] [dz]   [0]
-//!                      [ τ_zᵀ     τ_x   ] [dx] = [1]       τ: the tangent before
+//!                      [ τ_zᵀ     τ_x   ] [dx] = [1]       τ: the tangent before         (E2)
 //! ```
 //!
 //! Steps go along the tangent and are corrected across it, so that x may turn back: at a fold, where det K_d changes its

@@ -1,7 +1,7 @@
 //! Positions at rest: the reduced forces vanish on the manifold of closed loops.
 //!
 //! ```text
-//! h_d(z) = 0      K_d dz = h_d      K_d = D (−h − Cᵀ λ)_q Dᵀ      C_Dᵀ λ = (−h)_D
+//! h_d(z) = 0      K_d dz = h_d      K_d = D (−h − Cᵀ λ)_q Dᵀ      C_Dᵀ λ = (−h)_D                 (E1)
 //! ```
 //!
 //! λ is that of rest, so K_d is the derivative of −h_d at any position, not only where it vanishes.

@@ -1,7 +1,7 @@
 //! Numbers of the loads with which a given position is one of rest.
 //!
 //! ```text
-//! h_d(z*, p) = 0      (h_d)_p dp = −h_d   with the least |dp / scale|
+//! h_d(z*, p) = 0      (h_d)_p dp = −h_d   with the least |dp / scale|               (E3)
 //! ```
 //!
 //! Where h_d is linear in p (free lengths, constant torques and forces, stiffnesses) the first step is the last.

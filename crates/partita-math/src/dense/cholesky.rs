@@ -145,7 +145,7 @@ pub fn inverse_from_cholesky<T: Scalar>(l: &[T], n: usize, out: &mut [T]) {
 /// Factors a positive semidefinite matrix `P A Pᵀ = L Lᵀ` with diagonal pivoting and returns its rank.
 ///
 /// Each step takes the largest remaining diagonal entry; of equal ones the first. It stops after `max_rank` steps
-/// or when no entry exceeds `tol` (absolute: scale A to unit diagonal to make `tol` a squared sine, theory 11.1).
+/// or when no entry exceeds `tol` (absolute; with A scaled to unit diagonal a squared sine).           (C1)
 /// `a` (n×n) is read on and below the diagonal. On return its first `rank` columns hold L, the lower triangle of the rest
 /// holds what remains of A, and position k of either belongs to index `perm[k]`.
 pub fn pivoted_cholesky(a: &mut [f64], n: usize, max_rank: usize, tol: f64, perm: &mut [usize]) -> usize {

@@ -1,4 +1,4 @@
-//! Rows and unknowns of C for the steps of a plan.                                                        (8.3)
+//! Rows and unknowns of C for the steps of a plan.                                                         (L2)
 
 use super::instant::Instant;
 use super::{btf, LoopClosing, Work};

@@ -1,4 +1,4 @@
-//! Block triangular form: which rows belong to which unknowns, and what must be solved together.            (8.3)
+//! Block triangular form: which rows belong to which unknowns, and what must be solved together.             (L2)
 
 /// A row for each column `0..cols`, so that no row serves twice; `None` if there is no such assignment.
 ///

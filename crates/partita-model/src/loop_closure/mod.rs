@@ -1,4 +1,4 @@
-//! Explicit closing of loops by inverse kinematics: the dependent coordinates as functions of the inputs.  (37), (8)
+//! Explicit closing of loops by inverse kinematics: the dependent coordinates as functions of the inputs.  (37), (38)
 //!
 //! ```text
 //! q_D = g(q_I, t; ε)       ε: branch signs, constants of the motion between dead points

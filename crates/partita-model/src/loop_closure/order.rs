@@ -1,4 +1,4 @@
-//! In which order the loops can be closed: rigid clusters that grow by triangles.                             (8.3)
+//! In which order the loops can be closed: rigid clusters that grow by triangles.                              (L2)
 //!
 //! Every node starts as a cluster of its own. Joints whose coordinates are known merge the clusters they join. Three
 //! clusters joined pairwise by one unknown joint each are a triangle: where its closed form is known, all three joints

@@ -1,4 +1,4 @@
-//! Dyads in the plane: a closed polygon of known sides, joined by at most three joints with unknown coordinates.  (8.2)
+//! Dyads in the plane: a closed polygon of known sides, joined by at most three joints with unknown coordinates.   (L1)
 //!
 //! ```text
 //!            side 2

@@ -1,4 +1,4 @@
-//! Loops in space by a characteristic pair of joints.                                                   (8.2, 39)
+//! Loops in space by a characteristic pair of joints.                                                        (39)
 //!
 //! ```text
 //!            J                      J: a turn or a slide between X and Y

@@ -4,7 +4,7 @@
 //! order
 //!
 //! ```text
-//! C v + a = 0,   F(v) = nᵀ b(t, q, v) = 0,   v = v₀ + K u
+//! C v + a = 0,   F(v) = nᵀ b(t, q, v) = 0,   v = v₀ + K u                                     (X2)
 //! ```
 //!
 //! is one quadratic equation for the k rates u. It falls into two planes (two branches) or is a cone; a smooth motion

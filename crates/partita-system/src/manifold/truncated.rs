@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Pivots (or singular values) up to the level s count as null: weaker rows are not closed. Far from the solution the
-//! level is graded, strong rows first, since otherwise steps jump along weak ones.                             (11.9)
+//! level is graded, strong rows first, since otherwise steps jump along weak ones.                               (T1)
 
 use super::close::{close, Closed, ClosingScratch, ClosureError, Ending, Linearization, Part, Residuals, Rule};
 use super::follow::{Curve, LONGEST_PREDICTION};

@@ -1,6 +1,5 @@
 //! The metric geometry of the criterion: gradients of coordinates, split into the parts along constrained and
-//! admissible directions, and the projectors that split them. (Theory 3 and 4.1; Appendix A of Blajer, Schiehlen,
-//! Schirm 1994.)
+//! admissible directions, and the projectors that split them: (11) to (23), of Blajer, Schiehlen, Schirm 1994.
 //!
 //! Everything here is dense and meant for inspection; an evaluation needs only D and M_d.
 

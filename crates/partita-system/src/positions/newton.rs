@@ -1,7 +1,7 @@
 //! Dependent coordinates by Newton's method: `Φ(q, t) = 0` is solved for q_D from the predicted position, q_I unchanged
 //! (34).
 //!
-//! Classical coordinate partitioning (Wehage, Haug 1982; catalogue row 3). At dead points of fixed independent
+//! Classical coordinate partitioning (Wehage, Haug 1982). At dead points of fixed independent
 //! coordinates, and at singular positions of the mechanism, the equations have two solutions that meet. Newton's method
 //! starts from the prediction by the velocities and so crosses singular positions on the right one; a stage that might
 //! have found either, and a step in which velocities jump, are repeated. If no step succeeds, as at most dead points of

@@ -90,7 +90,7 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
     }
 
     /// Gauss-Newton with all rows by the accepted pivots. `None` where the displacements do not converge.
-    ///                                                                                                      (11.9, 1)
+    ///                                                                                                           (T1)
     pub fn close(&mut self, q: &mut [f64], cut: Cut) -> Result<Option<Closed>, SystemError> {
         self.closings.cut = cut;
         let closed = match self.closings.close(q, &mut self.memory) {

@@ -1,5 +1,5 @@
 //! One verdict on rank: which loop closures are independent, redundant everywhere, or dependent in one position alone.
-//!                                                                                                             (11.9)
+//!                                                                                                               (T3)
 //!
 //! A gap between singular values at one position decides nothing. Cases that pivots and a short exact motion decide are
 //! in `exact`; the others are decided by finite motions, by levels of singular values, in `branch`.

@@ -1,4 +1,4 @@
-//! Distance from the nearest singular position: the smallest singular value of C.
+//! Distance from the nearest singular position: the smallest singular value of C.                       (X1)
 
 use super::Reduction;
 use crate::system::ConstrainedSystem;

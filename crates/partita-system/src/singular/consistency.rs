@@ -2,7 +2,7 @@
 //!
 //! A dropped row depends on the others in its direction alone. Whether it agrees with them is checked before the first
 //! step, in its value, its rates and over a short motion, and after every step. Where it does not, the conditions
-//! contradict each other: no motion satisfies all of them.
+//! contradict each other: no motion satisfies all of them.                                              (C2)
 
 use crate::manifold::kept_rows::close_kept;
 use crate::record::{Gap, Gaps};

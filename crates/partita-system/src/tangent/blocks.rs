@@ -3,7 +3,7 @@
 //! C_D is block-triangular in the blocks, so its elimination has no fill outside them: A, η and ξ follow block by block
 //! (38). The inputs are those for which the system closes its loops by inverse kinematics, chosen by the system or the
 //! user. An input that reaches a dead point of its block is replaced between steps where the choice is the system's
-//! own. (Woernle 1988; Hiller, Kecskeméthy; catalogue row 15.)
+//! own. (Woernle 1988; Hiller, Kecskeméthy.)
 
 use super::base::PERIOD;
 use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};

@@ -87,7 +87,7 @@ fn scaled_pivoting(system: &Instant) -> Vec<usize> {
     complete_pivoting::choose(&c, 18).unwrap().0
 }
 
-/// The dependent coordinates one by one: QR with column pivoting of `M_c^-1/2 C M^-1/2` (M is diagonal here). (6.4)
+/// The dependent coordinates one by one: QR with column pivoting of `M_c^-1/2 C M^-1/2` (M is diagonal here).  (P7)
 fn dependent_side(system: &Instant) -> Vec<usize> {
     let (m, n) = (18, 21);
     let mut c = system.c.clone();

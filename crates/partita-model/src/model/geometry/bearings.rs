@@ -1,4 +1,4 @@
-//! Joints side by side between the same two bodies: hinges of a door, bearings of a shaft, balls in one centre. (11.9)
+//! Joints side by side between the same two bodies: hinges of a door, bearings of a shaft, balls in one centre.   (T5)
 //!
 //! Two hinges are drawn to leave one rotation, which they do on one axis only. So joints between two bodies, or bodies
 //! fixed to each other, are laid on one line or in one centre where that is within the drawing tolerance and frees a

@@ -1,4 +1,4 @@
-//! The least change of a drawing that makes it movable.                                                     (11.9, 4)
+//! The least change of a drawing that makes it movable.                                                          (T2)
 //!
 //! Between free bodies every joint is a loop closure. Its frame on either body may have a small error p (displacements
 //! over the block's length, and rotations). Along the motion each self-stress n requires

@@ -2,7 +2,7 @@
 //! on rates.
 //!
 //! The frames of joints are repaired, couplings are not. A loop of joints therefore has its own decision first: what a
-//! wheel, a contact or a rod adds to it must not make its geometric error a condition.                        (11.9, 9)
+//! wheel, a contact or a rod adds to it must not make its geometric error a condition.                             (T3)
 
 use super::change::{largest, OWN};
 use super::{by_blocks, closed, coarsest, BlockDecision, Decided, Drawing, Wanted};

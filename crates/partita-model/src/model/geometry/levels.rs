@@ -1,4 +1,4 @@
-//! Levels of singular values: how a drawing fits along finite motions, and which of its conditions count.    (11.9)
+//! Levels of singular values: how a drawing fits along finite motions, and which of its conditions count.      (T1)
 
 use super::change::{largest, Change, OWN};
 use super::{coarsest, Drawing, Wanted, LARGEST_CHANGE, WEAK_CONDITION};

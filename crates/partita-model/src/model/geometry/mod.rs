@@ -1,4 +1,4 @@
-//! Interpretation of a drawing as exactly one mechanism, decided when it is compiled.                          (11.9)
+//! Interpretation of a drawing as exactly one mechanism, decided when it is compiled.                            (T3)
 //!
 //! A drawing is *exact*; or *repaired*, where a change of its joint frames within the drawing tolerance makes it
 //! movable over a finite path; or kept *as drawn*. Blocks of loops are judged one by one, by pivots and a short exact

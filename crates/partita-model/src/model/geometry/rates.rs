@@ -12,7 +12,7 @@ use partita_system::SystemError;
 impl Drawing {
     /// The decision about conditions on rates in a drawing. A row that remains after all the others opposes one more
     /// motion V of theirs; its slip in V, as a fraction of the speed of contacts, is the error of an axis or a radius.
-    ///                                                                                                     (11.9, 8)
+    ///                                                                                                          (T4)
     pub(super) fn rates(&self, own: usize, tolerance: f64) -> Result<Decided, SystemError> {
         let model = &self.model;
         let size = model.size();

@@ -1,4 +1,4 @@
-//! Planar drawings with sides: left and right, front and back.                                              (11.9)
+//! Planar drawings with sides: left and right, front and back.                                                (T5)
 //!
 //! What is drawn twice coincides in the plane: pins of both sides in one point, their guides on one line. Where they do
 //! so within the drawing tolerance they are put together, both frames of a joint at once, so that the sides are equal in

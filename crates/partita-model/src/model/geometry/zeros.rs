@@ -1,7 +1,7 @@
 //! Where the coordinates of a repaired drawing are zero.
 //!
 //! A repair changes lengths and axes; the loops then close next to the drawing, each joint with an own angle. Motors
-//! left and right that follow one law need one zero: it is put where the loops close.                            (11.9)
+//! left and right that follow one law need one zero: it is put where the loops close.                              (T2)
 
 use super::{closed, coarsest};
 use crate::joint::alignment;

@@ -1,6 +1,6 @@
 //! Baumgarte's stabilisation: `Φ̈ + 2α Φ̇ + β² Φ = 0` instead of `Φ̈ = 0`.
 //!
-//! Catalogue row 19, kept for comparison with older programs. In the multiplier form b is replaced by
+//! Kept for comparison with older programs. In the multiplier form b is replaced by
 //! `b + 2α (C v + a) + β² Φ`; rows without a position (nonholonomic) take `b + 2α (C v + a)`. Closure errors are damped,
 //! not eliminated: they are of the order of the integration error, and the two numbers, which have no best value, stiffen
 //! the equations. Exact corrections cost less and need no numbers. (Baumgarte 1972.)

@@ -1,9 +1,9 @@
 //! Multipliers by proximal iteration:
 //!
 //! ```text
-//! λ⁺ = (M_c + ε 1)⁻¹ (ε λ − (b + C M⁻¹ h)),   v' = M⁻¹ (h + Cᵀ λ)
+//! λ⁺ = (M_c + ε 1)⁻¹ (ε λ − (b + C M⁻¹ h)),   v' = M⁻¹ (h + Cᵀ λ)                               (R4)
 //! ```
-//! Catalogue row 23. The regularised matrix is positive definite however close the rows are to dependence, and the
+//! The regularised matrix is positive definite however close the rows are to dependence, and the
 //! iteration removes the regularisation again: it ends at the v' of the exact equations. Where it is slow, ε is too large
 //! for the weakest direction and is made smaller. Rows are brought to length 1 in the mass metric first, so that ε means
 //! the same in all units.

@@ -1,6 +1,6 @@
 //! Multipliers first, in the range of C: `M_c λ = −(b + C M⁻¹ h)`, then `v' = M⁻¹ (h + Cᵀ λ)`.     (40)
 //!
-//! Catalogue row 2. Two Cholesky factors instead of one indefinite one; with `W = C L⁻ᵀ`, `M = L Lᵀ`, the Delassus
+//! Two Cholesky factors instead of one indefinite one; with `W = C L⁻ᵀ`, `M = L Lᵀ`, the Delassus
 //! matrix is `M_c = W Wᵀ`, and the two projectors `P_c + P_d = 1` are available. Prefer it for few constraints on many
 //! velocities: n³/6 + n²r/2 + nr²/2 + r³/6 per evaluation, dense, of which the first part is unchanged when constraints
 //! come and go.

@@ -4,7 +4,7 @@
 //! [ M  Cᵀ ] [ v' ]   [  h ]
 //! [ C  0  ] [ −λ ] = [ −b ]
 //! ```
-//! (catalogue row 1, index 1.) The matrix is indefinite, but in this order it needs no pivoting: M comes first and is
+//! (S1, S5). The matrix is indefinite, but in this order it needs no pivoting: M comes first and is
 //! positive definite, and its Schur complement is `−C M⁻¹ Cᵀ`, negative definite for independent rows. So `L D Lᵀ` with
 //! n positive and r negative pivots. Dense: (n + r)³/6 per evaluation.
 

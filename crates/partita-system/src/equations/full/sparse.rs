@@ -4,7 +4,7 @@
 //! [ M  Cᵀ ] [ v' ]   [  h ]
 //! [ C  0  ] [ −λ ] = [ −b ]
 //! ```
-//! (catalogue row 1.) The sparse counterpart of [`Saddle`](super::saddle::Saddle): M and C keep their zeros, pivots are
+//! (S1, S5). The sparse counterpart of [`Saddle`](super::saddle::Saddle): M and C keep their zeros, pivots are
 //! chosen once for little fill (Markowitz) among entries that are not small, and an evaluation executes the elimination
 //! without searching. A new plan is made when a pivot has shrunk or other rows are kept. Cost per evaluation: that of
 //! the fill, proportional to the bodies where loops are connected as in a chain. The reference for large mechanisms.

@@ -3,7 +3,7 @@
 //!
 //! Beside the state the motion integrates `z' = N(q) v` and `w' = v'` of the coordinates and velocities in these rows,
 //! from the closed (q, v) at the start of every step. At its end `Φ(t, z)` and `C w + a` are errors of a quadrature,
-//! unless Φ or its rate jumped inside: a jump is not visible in the derivatives.
+//! unless Φ or its rate jumped inside: a jump is not visible in the derivatives.                         (W3)
 
 use super::Motion;
 use crate::error::Result;
