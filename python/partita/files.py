@@ -113,7 +113,7 @@ _PER_LIST, _PER_ENTRY = 88, 32
 """Bytes of memory of a list or an object in Python, and of an entry."""
 
 
-class Room:
+class Allowance:
     """Memory that a stored result may take, by the size of its file."""
 
     def __init__(self, path: Path, size: int) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import Room
+from ..files import Allowance
 from ..result_view import ResultView
 from .record import exact, read_exact
 from .variables import Axis, Variable, axes, variables
@@ -47,7 +47,7 @@ class Content:
         return json.dumps(self.header(**more), separators=(",", ":"))
 
 
-def header_within(room: Room, text: str) -> dict[str, Any]:
+def header_within(room: Allowance, text: str) -> dict[str, Any]:
     """The description in a file, whose arrays have room."""
     found = read_header(text)
     for about in found["arrays"].values():

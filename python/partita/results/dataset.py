@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..extras import extra
-from ..files import Room
+from ..files import Allowance
 from ..result_view import ResultView
 from .certificate import Certificate
 from .content import Content, content_of, header_within
@@ -62,7 +62,7 @@ def dataset(content: Content) -> xarray.Dataset:
     return xarray.Dataset(variables, coords=labels, attrs=attributes)
 
 
-def as_header(found: xarray.Dataset, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
+def as_header(found: xarray.Dataset, room: Allowance) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays of a dataset made by `dataset`."""
     account, model = (str(found[name].values[()]) for name in ("account", "model"))
     for text in (account, model):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import FileFormatError, MissingDependencyError, PartitaError
-from ..files import MALFORMED, Room, get, get_folder, intact, intact_folder, place
+from ..files import MALFORMED, Allowance, get, get_folder, intact, intact_folder, place
 from .account_check import check_account
 from .certificate import Certificate
 from .content import VERSION, restored
@@ -56,7 +56,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
         if form.name != "JSON":  # for text a syntax error says more than a wrong checksum
             _check_seal(source, content, form.name)
         size = sum(map(len, content.values())) if isinstance(content, dict) else len(content)
-        header, values = _parsed(form, source, content, Room(source, size))
+        header, values = _parsed(form, source, content, Allowance(source, size))
         _check_version(source, header.get("partita_result"))
         _check_seal(source, content, form.name)
         arrays = {str(name): restored(values[name], about) for name, about in header["arrays"].items()}
@@ -79,7 +79,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
         raise _incomplete(source, form, error) from error
 
 
-def _parsed(form: Format, source: Path, content: Any, room: Room) -> tuple[dict[str, Any], Any]:
+def _parsed(form: Format, source: Path, content: Any, room: Allowance) -> tuple[dict[str, Any], Any]:
     """Header and arrays of a file. Each parser raises errors of its own on what is malformed."""
     try:
         with warnings.catch_warnings():

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import FileFormatError
 from ..extras import wanted
-from ..files import Room, put, put_folder, target
+from ..files import Allowance, put, put_folder, target
 from ..result_view import ResultView
 from .content import Content, content_of
 from .formats import matlab, netcdf, parquet, text_csv, text_json, zarr_folder
@@ -22,7 +22,7 @@ class Format:
 
     name: str
     write: Callable[[Content], Any]
-    read: Callable[[Any, Room], tuple[dict[str, Any], Any]]
+    read: Callable[[Any, Allowance], tuple[dict[str, Any], Any]]
     packages: tuple[str, ...] = ()
     extra: str = ""
 

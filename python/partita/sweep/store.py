@@ -26,7 +26,7 @@ import numpy as np
 from .._core import version
 from ..errors import ArgumentError, FileFormatError, MissingFileError
 from ..extras import extra
-from ..files import BLANK, Room, get, intact, malformed, place, put, sealed, target
+from ..files import BLANK, Allowance, get, intact, malformed, place, put, sealed, target
 from ..numeric import shown
 from ..store_lock import LOCK, locked, unusable
 from .collected import KINDS, Answer, Storable
@@ -195,7 +195,7 @@ def load_sweep(path: Any) -> xarray.Dataset:
     with malformed(lambda error: _not_understood(folder, error)):
         members, log = _members(folder, header), Log()
         content = get(folder / LOG, "result_bytes")
-        Room(folder, len(content)).take(_PER_MEMBER * members.count, "its members")
+        Allowance(folder, len(content)).take(_PER_MEMBER * members.count, "its members")
         log.read(content, folder, members.count)
         return dataset(members, log.answers)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...files import BLANK, Room, sealed
+from ...files import BLANK, Allowance, sealed
 from ..content import Content, header_within
 from ..record import read_exact
 from .matlab_elements import unpacked
@@ -48,7 +48,7 @@ def write(content: Content) -> bytes:
     return sealed(text + file.getvalue()[HEAD:])
 
 
-def read(content: bytes, room: Room) -> tuple[dict[str, Any], Mapping[str, Any]]:
+def read(content: bytes, room: Allowance) -> tuple[dict[str, Any], Mapping[str, Any]]:
     """Header and arrays."""
     from scipy import io
 

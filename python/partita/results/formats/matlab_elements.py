@@ -6,7 +6,7 @@ import math
 import struct
 import zlib
 
-from ...files import Room
+from ...files import Allowance
 
 _HEAD = 128
 _COMPRESSED, _MATRIX = 15, 14
@@ -20,7 +20,7 @@ _OBJECT_BYTES = 128
 """Memory of an entry of a cell or a structure."""
 
 
-def unpacked(content: bytes, room: Room) -> bytes:
+def unpacked(content: bytes, room: Allowance) -> bytes:
     """The same file without compression, in which every array has the data that it claims."""
     if len(content) < _HEAD or content[126:128] != b"IM":
         raise ValueError("it does not begin as a MAT file of version 5 does")
@@ -64,7 +64,7 @@ def _element(data: bytes, at: int, end: int) -> tuple[int, int, int, int]:
     return kind, size, at + 8, min(after, end)
 
 
-def _matrix(data: bytes, at: int, end: int, room: Room, depth: int) -> None:
+def _matrix(data: bytes, at: int, end: int, room: Allowance, depth: int) -> None:
     """Compare what an array claims with the data that it has."""
     if at == end:
         return  # an empty one

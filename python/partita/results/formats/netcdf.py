@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...extras import extra
-from ...files import BLANK, Room, sealed
+from ...files import BLANK, Allowance, sealed
 from ..content import Content
 from ..dataset import as_header, dataset, unfilled
 
@@ -24,7 +24,7 @@ def write(content: Content) -> bytes:
     return sealed(bytes(stream.getbuffer()))
 
 
-def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(content: bytes, room: Allowance) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays."""
     h5py = extra("h5py", "netcdf", "reading NetCDF")
     with h5py.File(BytesIO(content)) as file:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...extras import extra
-from ...files import BLANK, Room, sealed
+from ...files import BLANK, Allowance, sealed
 from ..content import Content, header_within
 from ..table import column_names, columns, gathered
 
@@ -33,7 +33,7 @@ def write(content: Content) -> bytes:
     return sealed(stream.getvalue().to_pybytes())
 
 
-def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(content: bytes, room: Allowance) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays."""
     pyarrow = extra("pyarrow", "parquet", "reading Parquet")
     parquet = extra("pyarrow.parquet", "parquet", "reading Parquet")

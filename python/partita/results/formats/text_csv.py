@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...files import BLANK, Room, sealed
+from ...files import BLANK, Allowance, sealed
 from ..content import Content, header_within
 from ..table import column_names, columns, gathered
 
@@ -32,7 +32,7 @@ def write(content: Content) -> bytes:
     return sealed(file.getvalue().encode("utf-8"))
 
 
-def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(content: bytes, room: Allowance) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays."""
     room.take(_PER_ENTRY * max((line.count(b",") for line in BytesIO(content)), default=0), "its longest line")
     before = csv.field_size_limit(len(content) + 1)

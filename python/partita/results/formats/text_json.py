@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...files import BLANK, Room, sealed
+from ...files import BLANK, Allowance, sealed
 from ..content import TYPES, Content, read_header
 from ..record import plain
 
@@ -27,7 +27,7 @@ def document(content: Content) -> dict[str, Any]:
     return header
 
 
-def read(content: bytes, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(content: bytes, room: Allowance) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays. Raises `json.JSONDecodeError`, `UnicodeDecodeError` or errors from malformed data."""
     room.text(content)
     header = read_header(content.decode("utf-8"))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...extras import extra
-from ...files import BLANK, Room
+from ...files import BLANK, Allowance
 from ..content import Content
 from ..dataset import as_header, dataset, unfilled
 
@@ -36,7 +36,7 @@ def write(content: Content) -> dict[str, bytes]:
         return {p.relative_to(root).as_posix(): p.read_bytes() for p in sorted(root.rglob("*")) if p.is_file()}
 
 
-def read(folder: Path, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(folder: Path, room: Allowance) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays."""
     room.text((folder / METADATA).read_bytes())
     for name, about in json.loads((folder / METADATA).read_bytes())["metadata"].items():
@@ -47,7 +47,7 @@ def read(folder: Path, room: Room) -> tuple[dict[str, Any], dict[str, Any]]:
         return as_header(found, room)
 
 
-def _check(folder: Path, about: dict[str, Any], room: Room) -> None:
+def _check(folder: Path, about: dict[str, Any], room: Allowance) -> None:
     """Refuse an array that is packed by what does not bear damage, or whose chunks unpack to more than they are for."""
     kind = np.dtype(about["dtype"])
     if about["filters"] or about["compressor"] not in (None, {"id": "zlib", "level": LEVEL}) or kind.hasobject:
