@@ -27,7 +27,7 @@ import numpy as np
 
 import partita as pt
 from partita.errors import FileFormatError, PartitaError
-from partita.files import _MARK, BLANK, Room, intact_folder, sealed
+from partita.files import _MARK, BLANK, Allowance, intact_folder, sealed
 from partita.results.formats.matlab_elements import unpacked
 
 HERE = Path(__file__).parent
@@ -300,7 +300,7 @@ def result(suffix: str) -> Kind:
             else:
                 before = source.read_bytes()
                 if suffix == ".mat" and rng.random() < 0.7:  # what is packed cannot be changed without notice
-                    before = unpacked(before, Room(source, len(before)))
+                    before = unpacked(before, Allowance(source, len(before)))
                 if suffix == ".json" and rng.random() < 0.7:
                     content = json.dumps(changed_data(json.loads(before), rng)).encode()
                 else:

@@ -97,6 +97,7 @@ def test_every_admissible_set_returns_the_motion(name: str, most: int, least: in
     best = max(sets, key=lambda chosen: m.inverse_dynamics(path, chosen).margin.min())
     d = m.inverse_dynamics(path, best)
     assert d.at_once.reactions["residual"].max() < 1e-9
+    assert d.run.certificate.newton_euler < 1e-9 and d.run.certificate.acceleration_closure is None
     other = d.run.reactions_by("augmented")["force"]
     assert np.abs(other - d.at_once.reactions["force"]).max() < 1e-8 * (1.0 + np.abs(other).max())
 

@@ -182,6 +182,8 @@ def _of_outputs(result: ResultView) -> dict[str, Any]:
         return names[int(number)] if np.isfinite(number) and int(number) < len(names) else None
 
     found: dict[str, Any] = {}
+    if not len(result.closure):
+        return found  # a given motion, which no constraint made
     if np.isfinite(checks["closure_row"]).any():
         i = int(np.argmax(np.abs(result.closure)))
         found |= {"closure_row": row("closure_row", i), "closure_t": float(result.t[i])}
