@@ -279,8 +279,8 @@ FORMULAS = (
         "drive-acceleration",
         "the bias b of a drive is half of what it should be (S5)",
         f"{MODEL}/coupling/law.rs",
-        "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2])",
-        "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, room)?[2].scale(0.5))",
+        "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, memory)?[2])",
+        "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, memory)?[2].scale(0.5))",
         ("whole motion::model_identities",),
     ),
     Error(
@@ -392,8 +392,8 @@ FORMULAS = (
         "closing-once",
         "outputs are closed by one iteration of Newton's method alone",
         f"{SYSTEM}/positions/all.rs",
-        "close(&mut rows, &mut self.q, &TO_ROUND_OFF, &mut self.room)",
-        "close(&mut rows, &mut self.q, &crate::manifold::Rule { iterations: 1, ..TO_ROUND_OFF }, &mut self.room)",
+        "close(&mut rows, &mut self.q, &TO_ROUND_OFF, &mut self.memory)",
+        "close(&mut rows, &mut self.q, &crate::manifold::Rule { iterations: 1, ..TO_ROUND_OFF }, &mut self.memory)",
         ("whole motion::many_turns",),
     ),
     Error(
@@ -472,8 +472,8 @@ FORMULAS = (
         "each-step-frozen",
         "bases to be made anew at each step stay as they are",
         f"{SYSTEM}/tangent/frozen.rs",
-        "let Renew::Below(least) = self.renew else { return Verdict::Change };",
-        "let Renew::Below(least) = self.renew else { return Verdict::Keep };",
+        "let Renew::Below(least) = self.renew else { return StepDecision::Change };",
+        "let Renew::Below(least) = self.renew else { return StepDecision::Keep };",
         ("reducing tangent_methods", "python test_bases.py"),
     ),
     Error(
@@ -1181,8 +1181,8 @@ FORMULAS = (
         "efforts-in-reactions",
         "reactions of inverse dynamics do not feel the efforts",
         f"{ANALYSIS}/inverse.rs",
-        "column.iter().for_each(|&(i, e)| room.residual[i] -= e * tau);",
-        "let _ = (column, tau, &mut room.residual);",
+        "column.iter().for_each(|&(i, e)| memory.residual[i] -= e * tau);",
+        "let _ = (column, tau, &mut memory.residual);",
         ("python test_inverse_dynamics.py",),
     ),
     Error(

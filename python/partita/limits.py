@@ -55,7 +55,7 @@ TABLE: Mapping[str, Limit] = {
         Limit("texts", 1_000_000, "texts and comments", "a text layer of USD"),
         Limit("composed", 50_000, "nodes", "prims of USD, each counted once for every arc by which it is composed"),
         Limit("attributes", 1000, "attributes", "an XML element"),
-        Limit("marks", 240_000, "marks", "ends of lines, brackets, commas, = and # of a TOML file"),
+        Limit("marks", 400_000, "marks", "ends of lines, brackets, commas, = and # of a TOML file"),
         Limit("depth", 512, "levels", "nested XML elements, prims or values of USD"),
         Limit("list_depth", 32, "levels", "nested lists of a YAML file"),
         Limit("files", 1000, "files", "the layers of a USD stage"),

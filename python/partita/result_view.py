@@ -100,9 +100,9 @@ def scales(result: MotionView) -> dict[str, float]:
     duration = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     least = 1.0 / duration if duration > 0.0 else 0.0
     turning = max(largest.get("rad/s", 0.0), largest.get("m/s", 0.0) / length, least)
-    loads: Any = getattr(result, "reactions", None)  # a position and kinematics have none
-    for name, unit in LOAD_UNITS.items() if loads is not None else ():
-        add(unit, loads[name])
+    if hasattr(result, "multipliers"):  # a position and kinematics have no loads
+        for name, unit in LOAD_UNITS.items():
+            add(unit, result.at_once.reactions[name])
     if getattr(result, "has_energy", False) and not given(result):
         energy: Any = getattr(result, "energy")  # noqa: B009
         add("J", energy.kinetic)

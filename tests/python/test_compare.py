@@ -295,9 +295,11 @@ def test_interrupt_keeps_the_rows_so_far(monkeypatch: pytest.MonkeyPatch) -> Non
     simulate, done = pt.Mechanism.simulate, []
 
     def impatient(self: pt.Mechanism, *arguments: object, **options: object) -> object:
-        if options["formulation"] == "multipliers":
+        solver = options["solver"]
+        assert isinstance(solver, pt.Solver)
+        if solver.formulation == "multipliers":
             raise KeyboardInterrupt
-        done.append(options["formulation"])
+        done.append(solver.formulation)
         return simulate(self, *arguments, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(pt.Mechanism, "simulate", impatient)

@@ -59,11 +59,12 @@ run.to_html("page.html")
 
 @pytest.mark.parametrize("page", ["README.md", "docs/index.md"])
 def test_commands_of_the_first_pages_run_with_numpy_and_scipy_alone(page: str, tmp_path: Path) -> None:
-    """Or name an extra, which the paragraph below them names as well."""
-    text = (Path(__file__).parents[2] / page).read_text("utf-8").partition("## Command line")[2]
+    """Or name an extra, which the page names as well, where it says how to install."""
+    whole = (Path(__file__).parents[2] / page).read_text("utf-8")
+    text = whole.partition("## Command line")[2]
     commands = [line.split("  ")[0].split()[1:] for line in re.findall(r"^    (partita .*)$", text, flags=re.MULTILINE)]
     assert len(commands) >= 11
-    (named,) = re.findall(r"`pip install 'partita\[(.*?)\]'`", text.partition("\n## ")[0])
+    (named,) = set(re.findall(r"pip install '\.\[(.*?)\]'", whole))
     for model in ("my.toml", "a.toml"):
         pt.catalogue.load("four-bar").save(tmp_path / model)
     program = f"""

@@ -179,7 +179,7 @@ def test_our_check_agrees_with_jsonschema() -> None:
             '"axis1" is not a key of revolute joint "A"; did you mean "axis"?',
         ),
         (HEAD + ROD + HINGE + "axis = [0, 0, 0]\n", 9, "no direction"),
-        (HEAD + ROD + HINGE + 'cut = "no"\n', 15, "'auto', 'always', 'never'"),
+        (HEAD + ROD + HINGE + 'cut = "no"\n', 15, 'must be one of "auto", "always", "never"'),
         (HEAD + ROD + HINGE.replace('"rod"', '"rood"'), 9, 'did you mean "rod"?'),
         (HEAD + ROD + HINGE + '[[torque]]\njoint = "B"\nvalue = 1\n', 15, 'no joint "B"'),
         (HEAD + ROD + HINGE + '[[torque]]\njoint = "A"\nvalue = [1]\n', 17, "a number or a table"),

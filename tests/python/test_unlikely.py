@@ -50,7 +50,7 @@ def test_a_joint_far_off_its_body(unit: float) -> None:
     assert list(linkage(unit, mass, (3 * unit, 0, 0)).check()) == [] == list(linkage(unit, mass).check())
 
 
-def test_a_rod_of_metres_that_was_meant_in_millimetres() -> None:
+def test_a_rod_of_metres_that_was_to_be_one_of_millimetres() -> None:
     m = pt.Mechanism("crank")
     rod = m.add_rod("rod", (0, 0, 0), (150, 0, 0), mass=1.0)
     m.add_revolute("A", m.ground, rod, (0, 0, 0))
