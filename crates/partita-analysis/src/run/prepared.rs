@@ -32,10 +32,10 @@ pub trait Motions: ConstrainedSystem {
     where
         Self: Sized + 's;
 
-    /// An examined state. See [`Looked::at`].
+    /// An examined state. See [`ExaminedStart::at`].
     ///
     /// # Errors
-    /// See [`Looked::at`].
+    /// See [`ExaminedStart::at`].
     fn examined<'s>(
         system: SystemRef<'s, Self>,
         state: (f64, &[f64], &[f64]),
@@ -195,7 +195,7 @@ impl<'s, S: Motions> Entry<'s, S> {
     /// From (t, q, v), up to `to` and to this tolerance, with the formulation of `recipe`, whose rank is set.
     ///
     /// # Errors
-    /// See [`Looked::at`]; where the state cannot be closed.
+    /// See [`ExaminedStart::at`]; where the state cannot be closed.
     pub fn at(
         system: &SystemRef<'s, S>,
         recipe: &mut Recipe,
