@@ -39,10 +39,10 @@ def suspect() -> Any:
     return run
 
 
-def slipper() -> pt.Mechanism:
+def sliding_block() -> pt.Mechanism:
     """A body that slides along the ground, which is the child of its joint."""
-    m = pt.Mechanism("slipper", gravity=(0.0, -9.81, 0.0))
-    body = m.add_body("slipper", mass=1.0, inertia=(0.1, 0.1, 0.1))
+    m = pt.Mechanism("block", gravity=(0.0, -9.81, 0.0))
+    body = m.add_body("block", mass=1.0, inertia=(0.1, 0.1, 0.1))
     rod = m.add_rod("rod", (0.0, 0.0, 0.0), (0.5, -1.0, 0.0), mass=1.0)
     m.add_prismatic("S", body, m.ground, axis=(1.0, 0.0, 0.0))
     m.add_revolute("P", body, rod, point=(0.0, 0.0, 0.0))
@@ -147,9 +147,9 @@ def test_efforts_that_are_not_unique_say_so_whole(browser: Chromium, tmp_path: P
 
 @needs_browser
 def test_only_the_ground_is_hatched_and_it_rests(browser: Chromium, tmp_path: Path) -> None:
-    m = slipper()
+    m = sliding_block()
     run = m.simulate(1.0, initial=m.assemble(rates={"S": 1.0}))
-    assert np.ptp(run.body("slipper").position[:, 0]) > 0.3
+    assert np.ptp(run.body("block").position[:, 0]) > 0.3
     browser.open(run.to_html(tmp_path / "run.html"), at="#still")
     seen = []
     for t in (0.0, 0.5, 1.0):

@@ -300,8 +300,8 @@ class _Reader:
             at = written[i] if len(written) == count else self.at(*ACTUATORS, name=self.name("actuator", i))
             armature = self.value("actuator_armature", i)
             damping = self.law(called, at, "", i, "actuator_damping", i)[1] + self.induced(i)
-            acts = self.acts(i)
-            self.dropped(at, SERVO if acts else MOTOR, self.described(at, called), "motion" if acts else "bounds")
+            exerts = self.exerts(i)
+            self.dropped(at, SERVO if exerts else MOTOR, self.described(at, called), "motion" if exerts else "bounds")
             if armature == 0.0 and damping == 0.0:
                 continue
             output = int(m.actuator_outadr[i]) if hasattr(m, "actuator_outadr") else i
@@ -315,7 +315,7 @@ class _Reader:
 
     def induced(self, i: int) -> float:
         """The damping of a plain electric motor at zero voltage: constant^2 / resistance; 0 of other actuators."""
-        if self.acts(i) or self.law_of("Bias", "bias", i) != "DCMOTOR":
+        if self.exerts(i) or self.law_of("Bias", "bias", i) != "DCMOTOR":
             return 0.0
         resistance, constant = (float(x) for x in self.model.actuator_gainprm[i][:2])
         return constant**2 / resistance if resistance > 0.0 else 0.0
@@ -325,7 +325,7 @@ class _Reader:
         found = getattr(self.mujoco, f"mjt{kind}")(int(getattr(self.model, f"actuator_{key}type")[i]))
         return str(found.name).rpartition("_")[2]
 
-    def acts(self, i: int) -> bool:
+    def exerts(self, i: int) -> bool:
         """Whether an actuator does more at zero control than its rotor and its damping say."""
         m, bias = self.model, self.law_of("Bias", "bias", i)
         plugin = getattr(m, "actuator_plugin", None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import cached_property, partial
 from typing import Any
@@ -19,7 +20,7 @@ from .source import BODIES, Source
 FloatArray = NDArray[np.float64]
 
 
-class Motion:
+class Motion(ABC):
     """Positions, velocities and accelerations over nt outputs: what a run and a kinematic study have in common."""
 
     t: FloatArray
@@ -29,9 +30,9 @@ class Motion:
     _sensors: LiveSensors | StoredSensors | None
 
     @property
+    @abstractmethod
     def summary(self) -> Mapping[str, Any]:
         """The model's own description: bodies, joints, sizes, removed rows."""
-        raise NotImplementedError
 
     @cached_property
     def names(self) -> Names:
