@@ -584,8 +584,8 @@ FORMULAS = (
         "near-inside-a-step",
         "a step that comes near a singular position inside is taken as it is",
         f"{SYSTEM}/formulation/motion/crossing.rs",
-        "self.near_inside = near && self.spoilt_in_a_row < MOST_SPOILT;",
-        "self.near_inside = near && self.spoilt_in_a_row > MOST_SPOILT;",
+        "true => JUDGED_NEAR.min(tolerance::MUCH_SMALLER * at_ends),",
+        "true => 0.0 * JUDGED_NEAR.min(tolerance::MUCH_SMALLER * at_ends),",
         ("python test_branches.py",),
     ),
     Error(
@@ -680,7 +680,7 @@ FORMULAS = (
     Error(
         "jump-in-a-short-step",
         "a step as short as can be resolved is taken for smooth",
-        f"{INTEGRATE}/discontinuity.rs",
+        f"{INTEGRATE}/watch/discontinuity.rs",
         "let abrupt = located ||",
         "let abrupt = located && length == 0.0 ||",
         ("python test_kinks.py",),

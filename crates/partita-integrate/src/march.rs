@@ -7,32 +7,49 @@ pub use outputs::{Outputs, Sink};
 
 use crate::counters::Counters;
 use crate::crossing_step::CrossingStep;
-use crate::discontinuity::{Location, Search};
 use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options, OptionsError};
-use crate::singular_times;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
+use crate::watch::{find_singular_times, Lengths, Located, Look, StepView, Track, Watch as _, Watches};
 use partita_math::tolerance;
-use partita_system::breakpoints::Passing;
 use partita_system::error::CrossingOutcome;
-use partita_system::formulation::{Formulation, Pace, PrescribedLevel, Step, StepDecision};
-use partita_system::guards::Look;
+use partita_system::formulation::{Course, Depth, Findings, Formulation, Pace, Repeated};
+use partita_system::formulation::{Step, StepDecision, TrialEnd};
 use partita_system::record::Output;
 use partita_system::SystemError;
 use std::ops::ControlFlow;
 
-struct Adapter<'f, F: Formulation>(&'f mut F);
+/// What is done after each evaluation at a time.
+type After<'a> = &'a mut dyn FnMut(f64, &mut dyn Formulation);
 
-impl<F: Formulation> Ode for Adapter<'_, F> {
+/// A formulation as the equation of a stepper.
+pub(crate) struct Adapter<'f> {
+    pub(crate) formulation: &'f mut dyn Formulation,
+    /// What has to be known after an evaluation.
+    pub(crate) depth: Depth,
+    pub(crate) after: Option<After<'f>>,
+}
+
+impl<'f> Adapter<'f> {
+    pub(crate) fn new(formulation: &'f mut dyn Formulation) -> Self {
+        Self { formulation, depth: Depth::Rates, after: None }
+    }
+}
+
+impl Ode for Adapter<'_> {
     type Error = SystemError;
     fn dim(&self) -> usize {
-        self.0.dim()
+        self.formulation.layout().dim()
     }
     #[inline]
     fn rhs(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), RhsError<SystemError>> {
-        self.0.derivative(t, y, dy).map_err(sorted)
+        self.formulation.rates(t, y, dy, self.depth).map_err(sorted)?;
+        if let Some(after) = &mut self.after {
+            after(t, self.formulation);
+        }
+        Ok(())
     }
 }
 
@@ -114,16 +131,17 @@ pub enum Control {
 pub struct March {
     control: Control,
     stepper: Box<dyn Stepper<SystemError>>,
-    /// Steps across singular positions, and whether the next one is of them.
+    /// Steps across singular positions, and how the next one is taken.
     crossing: CrossingStep,
-    crosses: bool,
-    /// When the step under way is in one, and whether it was searched for them.
-    located: Vec<f64>,
-    searched: bool,
+    course: Course,
+    /// What no step may pass, and the functions that are followed for it.
+    watches: Watches,
+    track: Track,
+    /// Singular positions in the step under way.
+    located: Located,
     /// Length of the next step as the stepper would have it.
     proposed: f64,
-    /// Whether the step length is controlled by the error.
-    free: bool,
+    lengths: Lengths,
     /// Whether it is bounded by that of a component which is not controlled.
     observes: bool,
     t: f64,
@@ -132,10 +150,16 @@ pub struct March {
     slope: Vec<f64>,
     /// State passed to the sink; its turns are those of the integration.
     output: Output,
-    /// Error that breakpoints may add to a step, relative to the velocities.
-    tolerance: f64,
-    /// Absolute tolerance, in natural sizes.
-    absolute: f64,
+    /// Error that what acts abruptly may add to a step, relative to the velocities, and absolute, in natural sizes.
+    tolerance: (f64, f64),
+}
+
+/// What becomes of the step that was looked at.
+enum Fate {
+    /// It is taken.
+    Stands,
+    /// It is attempted again.
+    Again,
 }
 
 /// Attempts for each step of a tick: a choice of coordinates that has become poor is renewed and the step repeated.
@@ -152,40 +176,42 @@ impl March {
     ///
     /// # Errors
     /// Options out of range.
-    pub fn new<F: Formulation>(
-        formulation: &F,
+    pub fn new(
+        formulation: &mut dyn Formulation,
         nq: usize,
         method: &'static dyn Method,
         options: Options,
         control: Control,
     ) -> Result<Self, OptionsError> {
-        let dim = formulation.dim();
-        let (free, tolerance) = (options.fixed_step.is_none(), options.rtol.max(tolerance::SUM_ROUNDING));
+        let layout = formulation.layout();
+        let (dim, controlled, observed) = (layout.dim(), layout.controlled, layout.observed);
+        let lengths = if options.fixed_step.is_none() { Lengths::Controlled } else { Lengths::Fixed };
         let absolute = match &options.atol {
             AbsoluteTolerance::Same(x) => *x,
             AbsoluteTolerance::Each(x) => x.iter().copied().fold(f64::INFINITY, f64::min),
         };
-        let observed = formulation.observed();
-        let options = Options { controlled: formulation.controlled(), observed, ..options };
+        let tolerance = (options.rtol.max(tolerance::SUM_ROUNDING), absolute.clamp(f64::MIN_POSITIVE, f64::MAX));
+        let options = Options { controlled, observed, ..options };
         let crossing = CrossingStep::new(dim, &options);
         let stepper = method.stepper(dim, options)?;
+        let (watches, track) = Watches::new(formulation);
         Ok(Self {
             control,
             stepper,
             crossing,
-            crosses: false,
-            located: Vec::new(),
-            searched: false,
+            course: Course::Along,
+            watches,
+            track,
+            located: Located::default(),
             proposed: 0.0,
-            free,
-            observes: free && observed.is_some(),
+            observes: lengths == Lengths::Controlled && observed.is_some(),
+            lengths,
             t: 0.0,
             y: vec![0.0; dim],
             buffer: vec![0.0; dim],
             slope: vec![0.0; dim],
             output: Output { turns: vec![0; nq], ..Output::default() },
             tolerance,
-            absolute: absolute.clamp(f64::MIN_POSITIVE, f64::MAX),
         })
     }
 
@@ -193,9 +219,9 @@ impl March {
     ///
     /// # Errors
     /// Where the formulation cannot start.
-    pub fn begin<F: Formulation>(
+    pub fn begin(
         &mut self,
-        formulation: &mut F,
+        formulation: &mut dyn Formulation,
         t: f64,
         (q, v): (&[f64], &[f64]),
         turns: Option<&[i32]>,
@@ -206,8 +232,15 @@ impl March {
             None => self.output.turns.fill(0),
         }
         formulation.start(t, q, v, &mut self.y)?;
+        self.track.forget();
+        self.watches.prescribed.start(formulation, t, &self.y)?;
         self.set_sizes(formulation);
         Ok(())
+    }
+
+    /// The elements of the mechanism that were passed through, in sentences.
+    pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
+        self.watches.guards.notes()
     }
 
     /// Time reached.
@@ -234,9 +267,9 @@ impl March {
     ///
     /// # Errors
     /// The cause of an early end. The integration must [`begin`](Self::begin) again then, at its state or elsewhere.
-    pub fn advance_to<F: Formulation>(
+    pub fn advance_to(
         &mut self,
-        formulation: &mut F,
+        formulation: &mut dyn Formulation,
         t_end: f64,
         outputs: &mut Outputs,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
@@ -246,71 +279,73 @@ impl March {
     }
 
     /// Evaluate the start of the integration to `t_end`: the loads may have changed since the last step.
-    pub(crate) fn set_out<F: Formulation>(
+    pub(crate) fn set_out(
         &mut self,
-        formulation: &mut F,
+        formulation: &mut dyn Formulation,
         t_end: f64,
     ) -> Result<(), StepFailure<SystemError>> {
-        self.stepper.start(&mut Adapter(formulation), self.t, &self.y, t_end)?;
-        (self.crosses, self.proposed) = (false, self.stepper.current().next);
-        if !self.free {
-            return Ok(());
+        let track = &mut self.track;
+        if track.waits() {
+            let mut first = |t: f64, formulation: &mut dyn Formulation| {
+                if track.waits() {
+                    track.end(t, |out| formulation.point().readings(t, out));
+                }
+            };
+            let mut ode = Adapter { formulation, depth: Depth::Levels, after: Some(&mut first) };
+            self.stepper.start(&mut ode, self.t, &self.y, t_end)?;
+            self.watches.accept_start(&self.track);
+        } else {
+            self.stepper.start(&mut Adapter::new(formulation), self.t, &self.y, t_end)?;
         }
-        let t = self.t;
-        self.buffer.copy_from_slice(&self.y);
-        self.slope.copy_from_slice(self.stepper.current().dy_old);
-        let mut pace = Pace { next: self.proposed, across: None };
-        let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
-        formulation
-            .set_out(&mut Step { t, y, dy, turns, pace: Some(&mut pace), located: None })
-            .map_err(|error| StepFailure::Rhs { t, error })?;
-        self.plan(formulation, pace);
-        Ok(())
+        (self.course, self.proposed) = (Course::Along, self.stepper.current().next);
+        match self.lengths {
+            Lengths::Controlled => self.commit(formulation, StepDecision::Begin, Findings::default()),
+            Lengths::Fixed => Ok(()),
+        }
     }
 
     /// Natural sizes of the state as it is now.
-    fn set_sizes<F: Formulation>(&mut self, formulation: &F) {
-        formulation.natural_sizes(&mut self.buffer);
-        self.stepper.set_sizes(&self.buffer);
-        self.crossing.set_sizes(&self.buffer);
+    fn set_sizes(&mut self, formulation: &dyn Formulation) {
+        let sizes = &formulation.layout().sizes;
+        self.stepper.set_sizes(sizes);
+        self.crossing.set_sizes(sizes);
     }
 
     /// The next step from where the stepper stands.
-    fn plan<F: Formulation>(&mut self, formulation: &F, pace: Pace) {
+    fn plan(&mut self, pace: Pace) {
         let from = self.stepper.current();
-        self.crosses = pace.across.is_some();
-        if let Some(across) = pace.across {
-            self.crossing.replace_start(from.t_old, from.y_old, from.dy_old);
-            // an output next to the position is taken from both sides of it
-            let beside = across.whole * OUTPUTS_BESIDE;
-            let free = matches!(self.control, Control::Free { .. });
-            let beyond = free && (from.t_end - across.zero).abs() < beside;
-            let end = if beyond { f64::INFINITY } else { from.t_end };
-            self.crossing.aim(across.zero, (across.whole, across.longest), across.tries, end);
-        } else {
-            let goal = formulation.breakpoint_ahead(pace.next, self.tolerance);
-            self.stepper.plan(&StepPlan { length: pace.next, goal });
-        }
+        let Some(across) = pace.across else {
+            self.course = Course::Along;
+            let goal = self.watches.breakpoints.ahead(&self.track, pace.next, self.tolerance.0);
+            return self.stepper.plan(&StepPlan { length: pace.next, goal });
+        };
+        self.course = Course::Across;
+        self.crossing.replace_start(from.t_old, from.y_old, from.dy_old);
+        // an output next to the position is taken from both sides of it
+        let beside = across.whole * OUTPUTS_BESIDE;
+        let free = matches!(self.control, Control::Free { .. });
+        let beyond = free && (from.t_end - across.zero).abs() < beside;
+        let end = if beyond { f64::INFINITY } else { from.t_end };
+        self.crossing.aim(across.zero, (across.whole, across.longest), across.tries, end);
     }
 
     /// Attempt the step under way. Where it crosses a singular position, that is located on the polynomial of the step, and
     /// the step taken anew if a node came close to it.
-    fn attempt<F: Formulation>(&mut self, formulation: &mut F) -> Result<(), StepFailure<SystemError>> {
-        self.searched = false;
-        self.located.clear();
-        if !self.crosses {
-            return self.stepper.attempt(&mut Adapter(formulation));
+    fn attempt(&mut self, formulation: &mut dyn Formulation) -> Result<(), StepFailure<SystemError>> {
+        self.located.forget();
+        if self.course == Course::Along {
+            return self.stepper.attempt(&mut Adapter::new(formulation));
         }
-        let attempted = self.crossing.attempt(&mut Adapter(formulation));
+        let attempted = self.crossing.attempt(&mut Adapter::new(formulation));
         // one that was not exact enough tells where the position is, too
         if !matches!(attempted, Ok(()) | Err(StepFailure::TooSmall { .. })) || !self.crossing.has_polynomial() {
             return attempted;
         }
         self.locate_crossing(formulation);
-        if !self.crossing.aim_again(&self.located) {
+        if !self.crossing.aim_again(&self.located.times) {
             return attempted;
         }
-        let again = self.crossing.attempt(&mut Adapter(formulation));
+        let again = self.crossing.attempt(&mut Adapter::new(formulation));
         if again.is_ok() {
             self.locate_crossing(formulation);
         }
@@ -318,45 +353,28 @@ impl March {
     }
 
     /// Locate the singular positions on the polynomial of the crossing step.
-    fn locate_crossing<F: Formulation>(&mut self, formulation: &mut F) {
+    fn locate_crossing(&mut self, formulation: &mut dyn Formulation) {
         let ends = (self.crossing.current().t_old, self.crossing.current().t_new);
         let mut side = |t: f64| {
             self.crossing.polynomial(t, &mut self.buffer);
-            formulation.side(t, &self.buffer)
+            formulation.point().side(t, &self.buffer)
         };
-        self.searched = singular_times::find(ends, f64::INFINITY, &mut side, &mut self.located).is_some();
-    }
-
-    /// Locate those that an ordinary step passed, on its dense output. True if it was not to pass them, or came near to one
-    /// where it was to end farther away.
-    fn locate_passed<F: Formulation>(&mut self, formulation: &mut F) -> bool {
-        let Some(rate) = formulation.may_have_passed().filter(|_| !self.crosses) else { return false };
-        let ends = (self.stepper.current().t_old, self.stepper.current().t_new);
-        let mut side = |t: f64| {
-            self.stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer).ok()?;
-            formulation.side(t, &self.buffer)
-        };
-        let found = singular_times::find(ends, rate, &mut side, &mut self.located);
-        self.searched = found.is_some();
-        let Some(nearest) = found.filter(|_| self.free) else { return false };
-        match self.located.is_empty() {
-            true => formulation.nears_unforeseen(nearest),
-            false => formulation.passed_unforeseen(),
-        }
+        let found = find_singular_times(ends, f64::INFINITY, &mut side, &mut self.located.times);
+        self.located.note(found);
     }
 
     /// What takes the step under way.
     fn active(&mut self) -> &mut dyn Stepper<SystemError> {
-        match self.crosses {
-            true => &mut self.crossing,
-            false => &mut *self.stepper,
+        match self.course {
+            Course::Across => &mut self.crossing,
+            Course::Along => &mut *self.stepper,
         }
     }
 
     /// The integration loop.
-    pub(crate) fn go_on<F: Formulation>(
+    pub(crate) fn go_on(
         &mut self,
-        formulation: &mut F,
+        formulation: &mut dyn Formulation,
         outputs: &mut Outputs,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Status, StepFailure<SystemError>> {
@@ -369,16 +387,16 @@ impl March {
 
     /// Where no step led across a singular position: that this is the cause, and the accuracy that rounding left to the
     /// best of them.
-    fn explained<F: Formulation>(
+    fn explained(
         &self,
-        formulation: &F,
+        formulation: &mut dyn Formulation,
         mut failure: StepFailure<SystemError>,
     ) -> StepFailure<SystemError> {
         let off = self.crossing.least_error();
-        let enough = 10f64.powf((off * self.tolerance).log10().ceil());
+        let enough = 10f64.powf((off * self.tolerance.0).log10().ceil());
         if let StepFailure::Rhs { error, .. } | StepFailure::TooSmall { last: Some(error), .. } = &mut failure {
             if let SystemError::Singular { t, .. } = *error {
-                if let Some(failed) = formulation.crossing_failed(t) {
+                if let Some(failed) = formulation.point().obstacle(t) {
                     *error = failed;
                 }
             }
@@ -391,9 +409,9 @@ impl March {
         failure
     }
 
-    fn steps<F: Formulation>(
+    fn steps(
         &mut self,
-        formulation: &mut F,
+        formulation: &mut dyn Formulation,
         outputs: &mut Outputs,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Status, StepFailure<SystemError>> {
@@ -416,9 +434,9 @@ impl March {
     }
 
     /// One accepted step with its outputs.
-    fn step<F: Formulation>(
+    fn step(
         &mut self,
-        formulation: &mut F,
+        formulation: &mut dyn Formulation,
         outputs: &mut Outputs,
         attempts: &mut u32,
     ) -> Result<(), StepFailure<SystemError>> {
@@ -431,180 +449,200 @@ impl March {
                 return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last: None });
             }
             *attempts -= 1;
-            let crosses = self.crosses;
-            let mut verdict = StepDecision::Keep;
-            let free = self.free;
-            let attempted = self.attempt(formulation);
-            let beyond = self.ends_beyond();
-            let stepper = self.active();
-            let concluded = attempted.and_then(|()| {
-                stepper.conclude(&mut |t, y, dy, known| {
-                    let judged = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
-                        // no shorter step is allowed that could distinguish a jump from a drift
-                        SystemError::Jump { .. } if !free => RhsError::Fatal(e),
-                        e => sorted(e),
-                    });
-                    let (judged, evaluated) = judged?;
-                    verdict = judged;
-                    Ok(evaluated)
-                })
-            });
-            match concluded {
-                Ok(Conclusion::Done) => {}
-                Ok(Conclusion::Rejected) => continue,
-                // what acts may not be given beyond the end
-                Err(StepFailure::Rhs { .. }) if beyond => {
-                    self.crossing.end_by(self.stepper.current().t_end);
-                    continue;
-                }
-                // a step across a singular position has one length; the formulation decides on another
-                Err(StepFailure::TooSmall { .. }) if crosses => verdict = StepDecision::Repeat,
-                Err(StepFailure::TooSmall { t, h, last: None }) => {
-                    return Err(StepFailure::TooSmall { t, h, last: self.obstacle_ahead(formulation) })
-                }
-                Err(failure) => return Err(failure),
-            }
-            if verdict == StepDecision::Repeat {
-                // however short, a step over a jump of what is prescribed is repeated: the jump is named
-                if !stepper.current().may_shrink {
-                    match self.shortened(formulation) {
-                        Ok(_) | Err(StepFailure::Interpolation { .. }) => {}
-                        Err(failure) => return Err(failure),
-                    }
-                }
-                self.active().reject(0.5);
-                self.commit(formulation, verdict)?;
+            let Some(end) = self.concluded(formulation)? else { continue };
+            if end.decision == StepDecision::Repeat {
+                self.repeat(formulation, None)?;
                 continue;
             }
-            let near = || formulation.margin().is_some_and(|m| m.abs() < tolerance::LANDED);
-            if matches!(self.control, Control::Ticks { .. }) && near() {
-                let t = self.active().current().t_new;
-                let message =
-                    "the step would end next to a singular position (links in line, where the motion can branch), \
-                     where velocities are not determined; step over it with another number of substeps or another \
-                     step length";
-                return Err(StepFailure::Rhs { t, error: SystemError::Tick { t, message: message.into() } });
-            }
-            if !self.guards_hold(formulation)? {
+            self.refuse_tick_at_singular_position(&end)?;
+            let mut hidden = None;
+            let looked = self.look(formulation, &end, &mut hidden);
+            if let Fate::Again = self.carry_out(formulation, looked)? {
                 continue;
-            }
-            if self.free && !self.passes_no_breakpoint(formulation)? {
-                continue;
-            }
-            if self.locate_passed(formulation) {
-                self.stepper.reject(0.5);
-                self.commit(formulation, StepDecision::Repeat)?;
-                continue;
-            }
-            match self.shortened(formulation) {
-                Ok(false) => {}
-                Ok(true) => continue,
-                Err(StepFailure::Interpolation { .. }) if self.free && self.active().current().may_shrink => {
-                    self.active().reject(0.5);
-                    continue;
-                }
-                Err(failure) => return Err(failure),
             }
             match self.outputs(formulation, outputs) {
-                Ok(()) => {}
+                Ok(()) => return self.take(formulation, &end, hidden),
                 Err(StepFailure::Interpolation { .. }) if self.active().current().may_shrink => {
                     self.active().reject(0.5);
-                    continue;
                 }
                 Err(failure) => return Err(failure),
             }
-            let t_end = self.stepper.current().t_end;
-            let beyond = self.crosses && self.crossing.current().t_new > t_end;
-            if beyond {
-                self.crossing.interpolate(&mut Adapter(formulation), t_end, &mut self.y)?;
+        }
+    }
+
+    /// Attempt and conclude the step under way; none where another attempt follows.
+    fn concluded(&mut self, formulation: &mut dyn Formulation) -> Result<Option<TrialEnd>, StepFailure<SystemError>> {
+        let (course, lengths) = (self.course, self.lengths);
+        let mut end = TrialEnd::undecided(StepDecision::Keep);
+        let attempted = self.attempt(formulation);
+        let beyond = self.ends_beyond();
+        let stepper = self.active();
+        let concluded = attempted.and_then(|()| {
+            stepper.conclude(&mut |t, y, dy, known| {
+                end = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
+                    // no shorter step is allowed that could distinguish a jump from a drift
+                    SystemError::Jump { .. } if lengths == Lengths::Fixed => RhsError::Fatal(e),
+                    e => sorted(e),
+                })?;
+                Ok(end.evaluated)
+            })
+        });
+        match concluded {
+            Ok(Conclusion::Rejected) => return Ok(None),
+            Ok(Conclusion::Done) => {}
+            // what acts may not be given beyond the end
+            Err(StepFailure::Rhs { .. }) if beyond => {
+                self.crossing.end_by(self.stepper.current().t_end);
+                return Ok(None);
             }
-            self.active().commit();
-            match self.crosses {
-                true => {
-                    let end = self.crossing.current();
-                    self.stepper.replace_start(end.t_old, end.y_old, end.dy_old);
-                }
-                false => self.proposed = self.stepper.current().next,
+            // a step across a singular position has one length; the formulation decides on another
+            Err(StepFailure::TooSmall { .. }) if course == Course::Across => {
+                return Ok(Some(TrialEnd::undecided(StepDecision::Repeat)));
             }
-            let turns = beyond.then(|| self.output.turns.clone());
-            self.commit(formulation, verdict)?;
-            if let Some(turns) = turns {
-                self.output.turns = turns;
-                self.stepper.replace_start(t_end, &self.y, self.crossing.current().dy_old);
+            Err(StepFailure::TooSmall { t, h, last: None }) => {
+                return Err(StepFailure::TooSmall { t, h, last: self.obstacle_ahead(formulation) })
             }
+            Err(failure) => return Err(failure),
+        }
+        let t = end.t;
+        self.watches.prescribed.read_end(formulation).map_err(|error| StepFailure::Rhs { t, error })?;
+        if !self.track.is_empty() {
+            self.track.end(t, |out| formulation.point().readings(t, out));
+        }
+        // however short, a step over a jump of what is prescribed is repeated: the jump is named
+        if end.decision == StepDecision::Repeat && !self.active().current().may_shrink {
+            let mut hidden = None;
+            let (watches, mut view) = self.view(formulation, &end, &mut hidden);
+            match watches.prescribed.look(&mut view) {
+                Ok(Look::Refuse(t, error)) => return Err(StepFailure::Rhs { t, error }),
+                Ok(_) | Err(StepFailure::Interpolation { .. }) => {}
+                Err(failure) => return Err(failure),
+            }
+        }
+        Ok(Some(end))
+    }
+
+    /// The concluded step, for the watches.
+    fn view<'m>(
+        &'m mut self,
+        formulation: &'m mut dyn Formulation,
+        end: &'m TrialEnd,
+        hidden: &'m mut Option<(f64, usize)>,
+    ) -> (&'m mut Watches, StepView<'m>) {
+        let stepper: &mut dyn Stepper<SystemError> = match self.course {
+            Course::Across => &mut self.crossing,
+            Course::Along => &mut *self.stepper,
+        };
+        let view = StepView {
+            formulation,
+            stepper,
+            track: &mut self.track,
+            located: &mut self.located,
+            hidden,
+            state: &mut self.buffer,
+            end,
+            course: self.course,
+            lengths: self.lengths,
+            tolerance: self.tolerance,
+        };
+        (&mut self.watches, view)
+    }
+
+    /// What the watches make of the concluded step.
+    fn look(
+        &mut self,
+        formulation: &mut dyn Formulation,
+        end: &TrialEnd,
+        hidden: &mut Option<(f64, usize)>,
+    ) -> Result<Look, StepFailure<SystemError>> {
+        let (watches, mut view) = self.view(formulation, end, hidden);
+        watches.look(&mut view)
+    }
+
+    /// Carry out what the watches decided.
+    fn carry_out(
+        &mut self,
+        formulation: &mut dyn Formulation,
+        looked: Result<Look, StepFailure<SystemError>>,
+    ) -> Result<Fate, StepFailure<SystemError>> {
+        let may_shrink = self.active().current().may_shrink;
+        match looked {
+            Ok(Look::Clear) => return Ok(Fate::Stands),
+            Ok(Look::Refuse(t, error)) => return Err(StepFailure::Rhs { t, error }),
+            // a step across a singular position has too few nodes to see what happens between them
+            Ok(Look::EndAt { t, .. }) if self.course == Course::Across => {
+                self.repeat(formulation, Some(Repeated::Abrupt(t)))?;
+            }
+            Ok(Look::EndAt { t, corner: true }) => self.active().end_at_corner(t),
+            Ok(Look::EndAt { t, corner: false }) => self.active().end_at(t),
+            Ok(Look::Repeat(None)) => self.active().reject(0.5),
+            Ok(Look::Repeat(why)) => self.repeat(formulation, why)?,
+            Err(StepFailure::Interpolation { .. }) if may_shrink => self.active().reject(0.5),
+            Err(StepFailure::Rhs { error, .. }) if may_shrink && error.is_local() => self.active().reject(0.5),
+            Err(failure) => return Err(failure),
+        }
+        Ok(Fate::Again)
+    }
+
+    /// Reject the step: the formulation plans another.
+    fn repeat(
+        &mut self,
+        formulation: &mut dyn Formulation,
+        why: Option<Repeated>,
+    ) -> Result<(), StepFailure<SystemError>> {
+        self.active().reject(0.5);
+        self.commit(formulation, StepDecision::Repeat, Findings { repeated: why, ..Findings::default() })
+    }
+
+    /// A tick that would end next to a singular position is refused.
+    fn refuse_tick_at_singular_position(&mut self, end: &TrialEnd) -> Result<(), StepFailure<SystemError>> {
+        let near = end.margin.is_some_and(|m| m.abs() < tolerance::LANDED);
+        if !near || !matches!(self.control, Control::Ticks { .. }) {
             return Ok(());
         }
+        let t = self.active().current().t_new;
+        let message = "the step would end next to a singular position (links in line, where the motion can branch), \
+                       where velocities are not determined; step over it with another number of substeps or another \
+                       step length";
+        Err(StepFailure::Rhs { t, error: SystemError::Tick { t, message: message.into() } })
     }
 
-    /// Where a prescribed row misses the integral of its derivative over the concluded step: refuse a jump, and end the
-    /// step where a derivative jumps or changes fast. True if the step was rejected.
-    fn shortened<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
-        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
-        let step = stepper.current();
-        let (from, to, may) = (step.t_old, step.t_new, self.free && step.may_shrink);
-        // a rate that jumps leaves a gap of positions as well
-        for level in [PrescribedLevel::Rate, PrescribedLevel::Position] {
-            let Some(gap) = formulation.prescribed_gap(level, (self.tolerance, self.absolute)) else { continue };
-            let search = Search::new(from, to);
-            let mut at = |t: f64| {
-                stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer)?;
-                formulation.prescribed_at(t, &self.buffer, &gap).map_err(|error| StepFailure::Rhs { t, error })
-            };
-            let mut location = search.jump(&mut at, gap.by)?;
-            if may && gap.shorten && location == Location::Smooth && level == PrescribedLevel::Rate {
-                location = search.kink(&mut at, gap.by)?;
-            }
-            match location {
-                Location::Jump { t, by } => {
-                    return Err(StepFailure::Rhs { t, error: formulation.prescribed_jump(t, &gap, by) })
-                }
-                _ if !(may && gap.shorten) => continue,
-                Location::Within { before, .. } if before > from => stepper.end_at(before),
-                Location::Within { after, .. } if after < to => stepper.end_at(after),
-                _ => stepper.reject(0.5),
-            }
-            return Ok(true);
+    /// The step stands: go on from its end.
+    fn take(
+        &mut self,
+        formulation: &mut dyn Formulation,
+        end: &TrialEnd,
+        hidden: Option<(f64, usize)>,
+    ) -> Result<(), StepFailure<SystemError>> {
+        if self.lengths == Lengths::Fixed && !end.crosses {
+            self.located.forget(); // a touch that no step was made for
         }
-        Ok(false)
-    }
-
-    /// Check the guards along the concluded step. False where it was rejected, to end where it crosses one.
-    fn guards_hold<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
-        loop {
-            match formulation.guard(self.tolerance, self.free) {
-                Look::Clear => return Ok(true),
-                Look::Crossed { .. } if self.crosses => return self.cross_otherwise(formulation),
-                // it ends there as exactly as times can say
-                Look::Crossed { t, .. } if self.ends_at(t) => return Ok(true),
-                Look::Crossed { t, .. } => {
-                    self.active().end_at_corner(t);
-                    return Ok(false);
-                }
-                Look::At(t) if self.sees(formulation, t)? => {}
-                Look::At(_) => return Ok(false),
-            }
+        let t_end = self.stepper.current().t_end;
+        let across = self.course == Course::Across;
+        let beyond = across && self.crossing.current().t_new > t_end;
+        if beyond {
+            self.crossing.interpolate(&mut Adapter::new(formulation), t_end, &mut self.y)?;
         }
-    }
-
-    /// Check the breakpoints along the concluded step. False where it was rejected, to end at one.
-    fn passes_no_breakpoint<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
-        loop {
-            match formulation.breakpoint_within(self.tolerance) {
-                Passing::Clear => return Ok(true),
-                Passing::Until(_) if self.crosses => return self.cross_otherwise(formulation),
-                Passing::Until(t) => {
-                    self.active().end_at(t);
-                    return Ok(false);
-                }
-                Passing::At(t) if self.sees(formulation, t)? => {}
-                Passing::At(_) => return Ok(false),
-            }
+        self.watches.accept(&mut self.track);
+        self.active().commit();
+        if across {
+            let end = self.crossing.current();
+            self.stepper.replace_start(end.t_old, end.y_old, end.dy_old);
+        } else {
+            self.proposed = self.stepper.current().next;
         }
+        let turns = beyond.then(|| self.output.turns.clone());
+        self.commit(formulation, end.decision, Findings { hidden, ..Findings::default() })?;
+        if let Some(turns) = turns {
+            self.output.turns = turns;
+            self.stepper.replace_start(t_end, &self.y, self.crossing.current().dy_old);
+        }
+        Ok(())
     }
 
     /// Why the motion cannot be evaluated shortly after the last step, where no step leads on: ends of steps, and errors of
     /// those that could be evaluated, have no reason of their own.
-    fn obstacle_ahead<F: Formulation>(&mut self, formulation: &mut F) -> Option<SystemError> {
+    fn obstacle_ahead(&mut self, formulation: &mut dyn Formulation) -> Option<SystemError> {
         let step = self.stepper.current();
         // not beyond the end, where what acts may not be given
         let (t, rest) = (step.t_old, step.t_end - step.t_old);
@@ -612,76 +650,59 @@ impl March {
         for (x, (y, dy)) in self.buffer.iter_mut().zip(step.y_old.iter().zip(step.dy_old)) {
             *x = y + h * dy;
         }
-        match Adapter(formulation).rhs(t + h, &self.buffer, &mut self.slope) {
+        match Adapter::new(formulation).rhs(t + h, &self.buffer, &mut self.slope) {
             Ok(()) => None,
             Err(RhsError::Retry(error) | RhsError::Fatal(error)) => Some(error),
         }
     }
 
-    /// Whether the concluded step ends at t, except for rounding of times.
-    fn ends_at(&mut self, t: f64) -> bool {
-        (self.active().current().t_new - t).abs() <= tolerance::SUM_ROUNDING * t.abs()
-    }
-
-    /// Reject a step across a singular position inside which something acts abruptly; the formulation decides on another.
-    fn cross_otherwise<F: Formulation>(&mut self, formulation: &mut F) -> Result<bool, StepFailure<SystemError>> {
-        self.crossing.reject(0.5);
-        self.commit(formulation, StepDecision::Repeat)?;
-        Ok(false)
-    }
-
-    /// Evaluate the dense output of the concluded step at t. False where that cannot be, and a shorter step is tried.
-    fn sees<F: Formulation>(&mut self, formulation: &mut F, t: f64) -> Result<bool, StepFailure<SystemError>> {
-        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
-        let seen = match stepper.interpolate(&mut Adapter(formulation), t, &mut self.buffer) {
-            Ok(()) => formulation.look_at(t, &self.buffer).map_err(|error| StepFailure::Rhs { t, error }),
-            Err(failure) => Err(failure),
-        };
-        let shrinks = match &seen {
-            Err(StepFailure::Interpolation { .. }) => stepper.current().may_shrink,
-            Err(StepFailure::Rhs { error, .. }) => error.is_local() && stepper.current().may_shrink,
-            _ => false,
-        };
-        if shrinks {
-            stepper.reject(0.5);
-            return Ok(false);
-        }
-        seen.map(|()| true)
-    }
-
     /// Whether the step under way crosses a singular position and may end after the run, whose end lies beside it.
     fn ends_beyond(&self) -> bool {
-        self.crosses && self.crossing.current().t_end > self.stepper.current().t_end
+        self.course == Course::Across && self.crossing.current().t_end > self.stepper.current().t_end
     }
 
-    /// Apply a verdict at the current state: the end of an accepted step, or its start.
-    fn commit<F: Formulation>(
+    /// Carry out a decision at the current state: the end of an accepted step, its start, or that of the integration.
+    fn commit(
         &mut self,
-        formulation: &mut F,
-        verdict: StepDecision,
+        formulation: &mut dyn Formulation,
+        decision: StepDecision,
+        findings: Findings,
     ) -> Result<(), StepFailure<SystemError>> {
         let step = self.stepper.current();
         let t = step.t_old;
         // at the end there is nothing to plan: what lies ahead may be too close to be crossed from there
-        let free = self.free && t < step.t_end;
+        let plans = self.lengths == Lengths::Controlled && t < step.t_end;
         self.buffer.copy_from_slice(step.y_old);
         self.slope.copy_from_slice(step.dy_old);
-        let next = if self.crosses || verdict != StepDecision::Repeat { self.proposed } else { step.next };
+        let repeats = decision == StepDecision::Repeat;
+        let next = if self.course == Course::Across || !repeats { self.proposed } else { step.next };
         let mut pace = Pace { next, across: None };
-        let (y, dy, turns) = (&mut self.buffer[..], &mut self.slope[..], &mut self.output.turns[..]);
-        let located = self.searched.then_some(&self.located[..]);
-        let mut step = Step { t, y, dy, turns, pace: free.then_some(&mut pace), located };
-        let rewritten = formulation.commit(verdict, &mut step);
+        let located = self.located.known();
+        let longest = if repeats { None } else { self.watches.guards.entered(&self.track) };
+        let mut step = Step {
+            t,
+            y: &mut self.buffer,
+            dy: &mut self.slope,
+            turns: &mut self.output.turns,
+            pace: plans.then_some(&mut pace),
+            findings: Findings { located, longest, ..findings },
+        };
+        let rewritten = formulation.commit(decision, &mut step);
         let now = step.t;
         if rewritten.map_err(|error| StepFailure::Rhs { t, error })? {
             self.stepper.replace_start(now, &self.buffer, &self.slope);
             self.set_sizes(formulation);
         }
-        if self.observes {
-            self.stepper.set_reference(formulation.checks().exchanged());
+        if now != t && !self.track.is_empty() {
+            // set back to an earlier state
+            self.track.end(now, |out| formulation.point().readings(now, out));
+            self.watches.accept(&mut self.track);
         }
-        if free {
-            self.plan(formulation, pace);
+        if self.observes {
+            self.stepper.set_reference(formulation.point().checks().1.exchanged());
+        }
+        if plans {
+            self.plan(pace);
         }
         Ok(())
     }

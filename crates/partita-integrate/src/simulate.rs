@@ -37,6 +37,8 @@ pub struct Outcome {
     pub counters: Counters,
     /// Singular positions that were stepped over.
     pub crossings: Crossings,
+    /// What else is to be known, in sentences.
+    pub notes: Vec<String>,
     /// What stopped it, if something failed.
     pub error: Option<SystemError>,
 }
@@ -47,8 +49,8 @@ pub struct Outcome {
 /// Outputs lie on the dense output of the step and are closed to round-off one by one; other quantities at them are
 /// computed on request (`Sample::of`). What was computed before a failure stays with the sink. Fails only where nothing
 /// could start.
-pub fn simulate<F: Formulation>(
-    formulation: &mut F,
+pub fn simulate(
+    formulation: &mut dyn Formulation,
     t: f64,
     q: &[f64],
     v: &[f64],
@@ -70,6 +72,7 @@ pub fn simulate<F: Formulation>(
             t,
             counters: Counters::default(),
             crossings: Crossings::default(),
+            notes: Vec::new(),
             error: None,
         });
     }
@@ -88,8 +91,9 @@ pub fn simulate<F: Formulation>(
         Err(failure) => explain(failure, t),
     };
     // a last step across a position next to the end may have passed others after it
-    let crossings = formulation.crossings().until(t);
-    Ok(Outcome { status, message, t, counters, crossings, error })
+    let crossings = formulation.point().crossings().until(t);
+    let notes = march.notes().collect();
+    Ok(Outcome { status, message, t, counters, crossings, notes, error })
 }
 
 fn sentence(status: Status, t: f64, settings: &Settings) -> String {

@@ -9,7 +9,8 @@ use crate::spec::{Coupling, Force, Spec, Table, Value};
 use crate::time_domain;
 use crate::value::Abscissa;
 use partita_math::spatial::Space;
-use partita_system::breakpoints::{Breakpoints, Enters, Reading, Reads};
+use partita_system::breakpoints::{Breakpoints, Enters, Reads};
+use partita_system::watched::Reading;
 
 /// The abscissa of a curve.
 #[derive(Clone, Copy, Debug)]
@@ -64,8 +65,8 @@ impl Curves {
                     },
                 };
                 match reading {
-                    Some(r) => Reading { x: r.value(tree, s, q), rate: r.rate(tree, s, v) },
-                    None => Reading { x: t, rate: 1.0 },
+                    Some(r) => Reading::new(r.value(tree, s, q), r.rate(tree, s, v)),
+                    None => Reading::new(t, 1.0),
                 }
             });
         }

@@ -5,11 +5,11 @@ use crate::force::{At, Element, Surface};
 use crate::model::Model;
 use partita_math::spatial::Space;
 use partita_math::tolerance;
-use partita_system::guards::{Guard, GuardReading};
+use partita_system::watched::{Guard, Reading};
 
 /// The reading of a value and its rate, where the value moves at no more than `speed`.
-fn reading(x: f64, rate: f64, speed: f64) -> GuardReading {
-    GuardReading { x, rate, apart: x.abs(), speed }
+fn reading(x: f64, rate: f64, speed: f64) -> Reading {
+    Reading { x, rate, apart: x.abs(), speed }
 }
 
 impl<G: Space<S = f64>> Element<G> {
@@ -37,16 +37,16 @@ impl<G: Space<S = f64>> Element<G> {
     }
 
     /// Write the readings of the guards to the front of `out`; returns their number.
-    fn read_guards(&self, at: &At<G>, out: &mut [GuardReading]) -> usize {
+    fn read_guards(&self, at: &At<G>, out: &mut [Reading]) -> usize {
         match self {
             Self::Contact(e) => {
                 let [x, rate, gap, speed] = e.gap(at);
-                out[0] = GuardReading { x, rate, apart: gap.abs(), speed };
+                out[0] = Reading { x, rate, apart: gap.abs(), speed };
                 1
             }
             Self::Rope(e) => {
                 let [x, rate, slack, speed] = e.gap(at);
-                out[0] = GuardReading { x, rate, apart: slack.abs(), speed };
+                out[0] = Reading { x, rate, apart: slack.abs(), speed };
                 1
             }
             Self::Tyre(e) => {
@@ -92,7 +92,7 @@ impl Model {
 
 impl Evaluator<f64> {
     /// The readings of the guards at the point last evaluated.
-    pub(crate) fn read_guards(&self, t: f64, (q, v): (&[f64], &[f64]), s: &mut Scratch<f64>, out: &mut [GuardReading]) {
+    pub(crate) fn read_guards(&self, t: f64, (q, v): (&[f64], &[f64]), s: &mut Scratch<f64>, out: &mut [Reading]) {
         let instant = self.instant(t, q, v);
         with_engine!(self, s, |mechanics, s| {
             let at = mechanics.at(s, instant);

@@ -3,27 +3,27 @@
 /// Longest interval over which a function of the state is approximated by a cubic. Scale: characteristic displacement.
 /// Reason: over a third of a turn it has one minimum; over a full turn it returns to its values and hides the extrema
 /// between.
-pub(crate) const LONGEST_CUBIC: f64 = 2.0;
+pub const LONGEST_CUBIC: f64 = 2.0;
 /// Number of points inside a step that are evaluated before it is shortened instead. Scale: a number. Reason: a step
 /// with more inconclusive intervals extends over many turns.
-pub(crate) const MOST_PLACES: usize = 120;
+pub const MOST_PLACES: usize = 120;
 /// Parts of an interval at whose ends a cubic is compared with its error.
 const PARTS: u32 = 16;
 /// Point of evaluation where a cubic has no minimum of its own. Unit: fraction of the interval. Reason: the golden
 /// section, so that no period of the motion coincides with repeated halves.
-pub(crate) const INSIDE: f64 = 0.381_966;
+pub const INSIDE: f64 = 0.381_966;
 /// The error of a cubic over an interval, from one sample in a longer one. Unit: the error for constant
 /// fourth derivatives. Reason: allows for as much as was observed half-way along twice the interval.
 const OTHER_FOURTH: f64 = 16.0;
 /// Least distance of the place at which an extremum is evaluated from the ends of its interval. Unit: fraction of the
 /// interval. Reason: a second evaluation at the same point adds nothing.
-pub(crate) const EDGE: f64 = 0.01;
+pub const EDGE: f64 = 0.01;
 /// Number of bisections that locate a zero to round-off.
-pub(crate) const HALVINGS: usize = 50;
+pub const HALVINGS: usize = 50;
 
 /// The errors of the cubics over both parts of an interval that is divided at its fraction s, where its own cubic was
 /// off by `seen` and known to be off by at most `known`.
-pub(crate) fn errors_of_parts(s: f64, seen: f64, known: f64) -> [f64; 2] {
+pub fn errors_of_parts(s: f64, seen: f64, known: f64) -> [f64; 2] {
     // at one place the error may be zero by chance
     let off = (OTHER_FOURTH / (4.0 * s * (1.0 - s)).powi(2) * seen).max(known);
     [off * s.powi(4), off * (1.0 - s).powi(4)]
@@ -31,7 +31,7 @@ pub(crate) fn errors_of_parts(s: f64, seen: f64, known: f64) -> [f64; 2] {
 
 /// The cubic given by values and rates at both ends, over the fraction s of the interval.
 #[derive(Clone, Copy)]
-pub(crate) struct Cubic(pub [f64; 4]);
+pub struct Cubic(pub [f64; 4]);
 
 impl Cubic {
     /// Over an interval of length h, from (x, x') at its start to that at its end.

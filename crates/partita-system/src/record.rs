@@ -356,6 +356,8 @@ pub enum StepDecision {
     Change,
     /// The choice became poor inside it: reject it, choose anew at its start and try half of it.
     Repeat,
+    /// There is none yet: an integration begins.
+    Begin,
 }
 
 #[cfg(test)]

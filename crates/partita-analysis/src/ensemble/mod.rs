@@ -162,7 +162,7 @@ impl Members<'_> {
 
 /// Why lanes cannot run this mechanism; none where they can.
 fn refusal(model: &Model, what: &Members) -> Option<String> {
-    let (size, request) = (model.size(), what.request);
+    let (size, request, watched) = (model.size(), what.request, model.watched());
     let usual = Request { t0: request.t0, rtol: request.rtol, atol: request.atol, ..Request::over(0.0, request.t_end) };
     let cases = [
         (what.count < WORTH_PROGRAMS, "few members"),
@@ -174,9 +174,9 @@ fn refusal(model: &Model, what: &Members) -> Option<String> {
         (model.calls_functions(), "Python functions"),
         (model.follows_reactions(), "friction that depends on reactions"),
         (model.lacks_mass(), "massless bodies"),
-        (!model.guards().is_empty(), "contacts, stops or other elements with guards"),
-        (!model.breakpoints().is_empty() || !model.discontinuities().is_empty(), "tables"),
-        (model.time_domain().is_some() || model.has_ranges(), "tables with an end"),
+        (!watched.guards.is_empty(), "contacts, stops or other elements with guards"),
+        (!watched.breakpoints.is_empty() || !watched.discontinuities.is_empty(), "tables"),
+        (watched.domain.is_some() || model.has_ranges(), "tables with an end"),
         (model.geometry().drawn.is_some() && !what.parameters.is_empty(), "a repaired drawing with other parameters"),
     ];
     cases.iter().find(|x| x.0).map(|x| x.1.to_string())

@@ -4,8 +4,7 @@ use super::{Balance, Prepared, Request};
 use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
-use partita_system::formulation::{Formulation, PrescribedRows, Step, StepDecision};
-use partita_system::formulation::{FormulationSteps, SingularSteps};
+use partita_system::formulation::{Depth, Formulation, Layout, Point, Purpose, Step, StepDecision, TrialEnd};
 use partita_system::options::TangentMap;
 use partita_system::record::{History, Output, PartitionEvent, Sample};
 use partita_system::SystemError;
@@ -48,54 +47,35 @@ struct RecordingFormulation<'s> {
     last_step: Vec<(f64, Vec<f64>)>,
 }
 
-impl FormulationSteps for RecordingFormulation<'_> {
-    fn trial_end(
-        &mut self,
-        t: f64,
-        y: &mut [f64],
-        dy: &mut [f64],
-        known: bool,
-    ) -> Result<(StepDecision, bool), SystemError> {
-        self.formulation.trial_end(t, y, dy, known)
-    }
-    fn commit(&mut self, verdict: StepDecision, step: &mut Step) -> Result<bool, SystemError> {
-        self.last_step = std::mem::take(&mut self.asked);
-        self.formulation.commit(verdict, step)
-    }
-    fn history(&self) -> History {
-        self.formulation.history()
-    }
-}
-
-impl SingularSteps for RecordingFormulation<'_> {}
-
-impl PrescribedRows for RecordingFormulation<'_> {}
-
 impl Formulation for RecordingFormulation<'_> {
-    fn dim(&self) -> usize {
-        self.formulation.dim()
-    }
-    fn controlled(&self) -> usize {
-        self.formulation.controlled()
-    }
-    fn natural_sizes(&self, out: &mut [f64]) {
-        self.formulation.natural_sizes(out);
+    fn layout(&self) -> &Layout {
+        self.formulation.layout()
     }
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
         self.formulation.start(t, q, v, y)
     }
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
+    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64], depth: Depth) -> Result<(), SystemError> {
         self.asked.push((t, y.to_vec()));
-        self.formulation.derivative(t, y, dy)
+        self.formulation.rates(t, y, dy, depth)
     }
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
-        self.formulation.state_at(t, y, out)
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<TrialEnd, SystemError> {
+        self.formulation.trial_end(t, y, dy, known)
     }
-    fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool, SystemError> {
-        self.formulation.accept_output(at, within)
+    fn commit(&mut self, decision: StepDecision, step: &mut Step) -> Result<bool, SystemError> {
+        self.last_step = std::mem::take(&mut self.asked);
+        self.formulation.commit(decision, step)
+    }
+    fn state_at(&mut self, t: f64, y: &[f64], purpose: Purpose, out: &mut Output) -> Result<(), SystemError> {
+        self.formulation.state_at(t, y, purpose, out)
     }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
         self.formulation.describe(at, within, out)
+    }
+    fn history(&self) -> History {
+        self.formulation.history()
+    }
+    fn point(&mut self) -> &mut dyn Point {
+        self.formulation.point()
     }
 }
 
@@ -145,7 +125,7 @@ impl<'s> Trial<'s> {
         };
         let (Some(ahead), Some(here)) = (marched(BEFORE + 1)?, marched(BEFORE)?) else { return Ok(None) };
         let (formulation, stages) = (here.formulation, ahead.last_step);
-        let dy = vec![0.0; formulation.dim()];
+        let dy = vec![0.0; formulation.layout().dim()];
         if stages.len() < 2 || stages.iter().any(|x| x.1.len() != dy.len()) {
             return Ok(None);
         }
@@ -166,7 +146,7 @@ impl<'s> Trial<'s> {
         for _ in 0..self.count {
             let (t, y) = &self.stages[self.next];
             self.next = (self.next + 1) % self.stages.len();
-            if self.formulation.derivative(*t, y, &mut self.dy).is_err() {
+            if self.formulation.rates(*t, y, &mut self.dy, Depth::Rates).is_err() {
                 return false;
             }
         }

@@ -4,7 +4,7 @@ use super::{Motions, Recipe};
 use crate::error::AnalysisError;
 use partita_math::formatted;
 use partita_math::tolerance;
-use partita_system::formulation::Formulation;
+use partita_system::formulation::Purpose;
 use partita_system::record::Output;
 use partita_system::reduction::{velocity_residuals, Reduction};
 use partita_system::{ConstrainedSystem, SystemRef};
@@ -97,9 +97,9 @@ pub(super) fn corrected<'s, S: Motions>(
         let (q, v) = (output.q.clone(), output.v.clone());
         // a formulation that starts anew chooses coordinates there as the run will
         let mut formulation = recipe.make(system.clone())?;
-        let mut y = vec![0.0; formulation.dim()];
+        let mut y = vec![0.0; formulation.layout().dim()];
         formulation.start(t, &q, &v, &mut y)?;
-        formulation.state_at(t, &y, &mut output)?;
+        formulation.state_at(t, &y, Purpose::Look, &mut output)?;
         if output.q == q && output.v == v {
             break;
         }

@@ -157,7 +157,7 @@ fn integrated<S: Balance<Scratch: Send>>(
         outputs.push(Output { work: output.work + work, ..output.clone() });
         Ok(())
     };
-    let mut outcome = match simulate(&mut f, t, &q_start, &v_start, &reached[done..], &settings, &mut sink, watch) {
+    let mut outcome = match simulate(&mut *f, t, &q_start, &v_start, &reached[done..], &settings, &mut sink, watch) {
         Err(SystemError::Singular { .. }) if rigid => return Err(prepared::no_reactions()),
         Err(e) => return Err(prepared::explained(system, e.into())),
         Ok(outcome) => outcome,
@@ -179,6 +179,7 @@ fn integrated<S: Balance<Scratch: Send>>(
     notes.extend(corrected);
     let reported = f.history();
     notes.extend(reported.notes);
+    notes.append(&mut outcome.notes);
     if outcome.crossings.count() > 0 {
         notes.push(note_of_crossings(&outcome));
     }
@@ -192,7 +193,7 @@ fn integrated<S: Balance<Scratch: Send>>(
     let mut findings = Vec::new();
     limits.judge(system, &gaps, "the end of the step", &mut findings);
     limits.judge_checks(system, &reported.checks, &mut findings);
-    verdict::conclude(system, &mut f, (&log, Some(&start)), &mut outcome, &mut findings);
+    verdict::conclude(system, &mut *f, (&log, Some(&start)), &mut outcome, &mut findings);
     let exchanged = reported.checks.exchanged();
     Ok(Run { outcome, log, counters, rows, closure_error, gaps, notes, exchanged, findings })
 }

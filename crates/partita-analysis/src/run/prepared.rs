@@ -269,8 +269,9 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         let t0 = request.t0;
         system.agree(t0, q, v)?;
         let mut settings = request.settings()?;
-        settings.options.discontinuities = system.discontinuities();
-        let ends = system.time_domain().filter(|(end, _)| within(*end, request));
+        let watched = system.watched();
+        settings.options.discontinuities = watched.discontinuities;
+        let ends = watched.domain.filter(|(end, _)| within(*end, request));
         if let Some((end, _)) = &ends {
             settings.t_end = *end;
         }

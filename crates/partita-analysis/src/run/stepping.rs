@@ -11,7 +11,7 @@ use partita_integrate::method::Method;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{explain, Outcome, Status};
 use partita_model::Model;
-use partita_system::formulation::Formulation;
+use partita_system::formulation::{Formulation, Purpose};
 use partita_system::positions::turns;
 use partita_system::record::{Crossings, Gaps, Output, StepChecks};
 use partita_system::{SystemError, SystemRef};
@@ -36,8 +36,8 @@ fn resolved(t: f64, length: f64) -> Result<(), AnalysisError> {
 }
 
 /// What advances a formulation by ticks of this length, in so many steps each.
-fn ticking<F: Formulation>(
-    formulation: &F,
+fn ticking(
+    formulation: &mut dyn Formulation,
     coordinates: usize,
     method: &'static dyn Method,
     (length, steps): (f64, u32),
@@ -100,8 +100,9 @@ impl<'s> Stepping<'s> {
         if prepared.rests() {
             return Err(AnalysisError::Argument { argument: "dt", message: CANNOT_MOVE.into() });
         }
-        let Prepared { formulation, recipe, settings, limits, notes, singular_start, corrected, q, v, .. } = prepared;
-        let march = ticking(&formulation, q.len(), settings.method, (length, steps))?;
+        let Prepared { mut formulation, recipe, settings, limits, notes, singular_start, corrected, q, v, .. } =
+            prepared;
+        let march = ticking(&mut *formulation, q.len(), settings.method, (length, steps))?;
         let now = Output { turns: vec![0; q.len()], ..Output::default() };
         let kept = keeps.then(Vec::new);
         let mut stepping = Self {
@@ -152,8 +153,8 @@ impl<'s> Stepping<'s> {
         });
         // a choice of coordinates, its order and its scales follow from the motion before
         let entry = entry.and_then(|entry| {
-            let formulation = recipe.make(self.system.clone())?;
-            let march = ticking(&formulation, entry.q.len(), self.method, (self.length, self.substeps))?;
+            let mut formulation = recipe.make(self.system.clone())?;
+            let march = ticking(&mut *formulation, entry.q.len(), self.method, (self.length, self.substeps))?;
             Ok((entry, formulation, march))
         });
         match entry {
@@ -183,13 +184,14 @@ impl<'s> Stepping<'s> {
     ) -> Result<(), AnalysisError> {
         let zero = vec![0; q.len()];
         let mut now = Output { turns: zero, ..Output::default() };
+        let purpose = if self.kept.is_some() { Purpose::Keep } else { Purpose::Look };
         let begun = match &mut singular_start {
             None => self
                 .march
-                .begin(&mut self.formulation, t, (q, v), None)
-                .and_then(|()| self.formulation.state_at(t, self.march.state(), &mut now)),
+                .begin(&mut *self.formulation, t, (q, v), None)
+                .and_then(|()| self.formulation.state_at(t, self.march.state(), purpose, &mut now)),
             Some(x) => {
-                let begun = self.march.begin(&mut self.formulation, x.step.t, (&x.step.q, &x.step.v), None);
+                let begun = self.march.begin(&mut *self.formulation, x.step.t, (&x.step.q, &x.step.v), None);
                 begun.and_then(|()| x.step.output(t, &mut now))
             }
         };
@@ -200,19 +202,16 @@ impl<'s> Stepping<'s> {
         self.singular_start = singular_start;
         (self.gaps, self.checks) = (Gaps::default(), StepChecks::default());
         (self.origin, self.count) = (t, 0);
-        self.formulation.forget_gaps();
         if let Some(kept) = &mut self.kept {
             kept.clear();
             kept.push(self.now.clone());
-            self.formulation.keep_choice();
         }
         Ok(())
     }
 
     /// Restore the state before a tick or a start that failed.
     fn back(&mut self) -> Result<(), AnalysisError> {
-        self.formulation.forget_gaps();
-        let f = &mut self.formulation;
+        let f = &mut *self.formulation;
         if let Some(x) = &self.singular_start {
             return Ok(self.march.begin(f, x.step.t, (&x.step.q, &x.step.v), None)?);
         }
@@ -234,13 +233,14 @@ impl<'s> Stepping<'s> {
         let mut none = |_: &Output| Ok(());
         let mut outputs = Outputs::new(&[], &mut none);
         let go_on = &mut |_: f64| ControlFlow::Continue(());
-        let mut taken = self.march.advance_to(&mut self.formulation, t, &mut outputs, go_on);
+        let mut taken = self.march.advance_to(&mut *self.formulation, t, &mut outputs, go_on);
         if taken.is_ok() {
             // closed again, with the choice in use
             let mut now = std::mem::take(&mut self.now);
             let before = (now.t, now.work);
             now.turns.copy_from_slice(self.march.turns());
-            let reported = self.formulation.state_at(t, self.march.state(), &mut now);
+            let purpose = if self.kept.is_some() { Purpose::Keep } else { Purpose::Look };
+            let reported = self.formulation.state_at(t, self.march.state(), purpose, &mut now);
             match reported.and_then(|()| self.check_end(t)) {
                 Ok(()) => {
                     now.work += self.work;
@@ -248,11 +248,11 @@ impl<'s> Stepping<'s> {
                     self.singular_start = None;
                     self.count += 1;
                     self.steps += 1;
-                    self.gaps.raise(&self.formulation.gaps());
-                    self.checks.raise(&self.formulation.checks());
+                    let (gaps, checks) = self.formulation.point().checks();
+                    self.gaps.raise(&gaps);
+                    self.checks.raise(&checks);
                     if let Some(kept) = &mut self.kept {
                         kept.push(self.now.clone());
-                        self.formulation.keep_choice();
                     }
                     return Ok(());
                 }
@@ -279,10 +279,11 @@ impl<'s> Stepping<'s> {
     }
 
     /// Whether the end of the last tick is valid.
-    fn check_end(&self, t: f64) -> Result<(), SystemError> {
+    fn check_end(&mut self, t: f64) -> Result<(), SystemError> {
         let mut findings = Vec::new(); // which takes memory where there are some
-        self.limits.judge(&*self.system, &self.formulation.gaps(), "the end of the step", &mut findings);
-        self.limits.judge_checks(&*self.system, &self.formulation.checks(), &mut findings);
+        let (gaps, checks) = self.formulation.point().checks();
+        self.limits.judge(&*self.system, &gaps, "the end of the step", &mut findings);
+        self.limits.judge_checks(&*self.system, &checks, &mut findings);
         match findings.into_iter().find(|x| x.invalid) {
             None => Ok(()),
             Some(found) => {
@@ -319,19 +320,21 @@ impl<'s> Stepping<'s> {
             t: self.now.t,
             counters: Counters { steps: self.steps, ..Counters::default() },
             crossings: Crossings::default(),
+            notes: Vec::new(),
             error: None,
         };
         let mut notes = self.notes.clone();
         notes.extend(self.departed.clone());
         notes.extend(self.corrected.clone());
         notes.extend(reported.notes);
+        notes.extend(self.march.notes());
         notes.extend(verdict::note_of_nearness(&*self.system, &self.checks));
         let mut findings = Vec::new();
         self.limits.judge(&*self.system, &self.gaps, "the end of the step", &mut findings);
         self.limits.judge_checks(&*self.system, &self.checks, &mut findings);
         let log = SolutionLog { recipe: self.recipe.clone(), events: reported.events, outputs, limits: self.limits };
         if !here {
-            verdict::conclude(&*self.system, &mut self.formulation, (&log, None), &mut outcome, &mut findings);
+            verdict::conclude(&*self.system, &mut *self.formulation, (&log, None), &mut outcome, &mut findings);
         }
         let (counters, rows, closure_error, gaps) =
             (reported.counters, reported.rows, reported.closure_error, self.gaps);

@@ -116,7 +116,7 @@ impl Limits {
             )
         });
         look(checks.hidden, (0.0, 0.0), &|t| {
-            let name = system.guards().get(checks.hidden.row).map_or_else(String::new, |x| x.name.clone());
+            let name = system.watched().guards.get(checks.hidden.row).map_or_else(String::new, |x| x.name.clone());
             format!(
                 "{name} is crossed in both directions at t = {t} s within one step, which did not detect it; take \
                  shorter steps, or let the step size adapt (no `step`)"
@@ -207,9 +207,9 @@ pub(super) fn note_of_nearness<S: ConstrainedSystem>(system: &S, checks: &StepCh
 /// Judge a run that has ended: add findings to those `found` already, and decide its success. An invalidating finding
 /// changes the outcome; later checks do not. The energy is accounted for from `start` on, where it is known, for the
 /// outputs need not begin there.
-pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
+pub(super) fn conclude<S: Balance>(
     system: &S,
-    formulation: &mut F,
+    formulation: &mut dyn Formulation,
     (log, start): (&SolutionLog, Option<&Output>),
     outcome: &mut Outcome,
     found: &mut Vec<Finding>,
@@ -227,7 +227,7 @@ pub(super) fn conclude<S: Balance, F: Formulation + ?Sized>(
     }
     let mut scratch = system.scratch();
     found.extend(of_ends(system, formulation, log, &mut scratch));
-    let exchanged = formulation.checks().exchanged();
+    let exchanged = formulation.point().checks().1.exchanged();
     found.extend(of_energies(system, (log, start), outcome.counters.steps, exchanged, &mut scratch));
     if let Some(invalid) = found.iter().find(|x| x.invalid) {
         outcome.status = Status::Invalid;
@@ -248,9 +248,9 @@ fn agree<S: Balance>(system: &S, outputs: &[Output]) -> Result<(), (f64, SystemE
 
 /// Check the first and the last output that have accelerations: these and the multipliers must be finite, and all
 /// bodies in balance.
-fn of_ends<S: Balance, F: Formulation + ?Sized>(
+fn of_ends<S: Balance>(
     system: &S,
-    formulation: &mut F,
+    formulation: &mut dyn Formulation,
     log: &SolutionLog,
     scratch: &mut S::Scratch,
 ) -> Option<Finding> {
@@ -369,7 +369,15 @@ mod tests {
             let counters = Counters { steps: 100, lenient, ..Counters::default() };
             let times = vec![0.5; crossings];
             let (message, crossings) = (String::new(), Crossings { times, ..Crossings::default() });
-            let outcome = Outcome { status: Status::Finished, message, t: 1.0, counters, crossings, error: None };
+            let outcome = Outcome {
+                status: Status::Finished,
+                message,
+                t: 1.0,
+                counters,
+                crossings,
+                notes: Vec::new(),
+                error: None,
+            };
             let mut found = Vec::new();
             of_steps(&outcome, &mut found);
             found

@@ -4,7 +4,7 @@ use super::{is_of_a_position, Adapter, March};
 use crate::failure::StepFailure;
 use crate::stepper::Stepper;
 use partita_math::tolerance;
-use partita_system::formulation::Formulation;
+use partita_system::formulation::{Course, Formulation, Purpose};
 use partita_system::record::Output;
 use partita_system::SystemError;
 
@@ -34,14 +34,9 @@ impl<'o> Outputs<'o> {
 
 impl March {
     /// The outputs at the current state.
-    pub(crate) fn emit<F: Formulation>(
-        &mut self,
-        formulation: &mut F,
-        outputs: &mut Outputs,
-    ) -> Result<(), SystemError> {
+    pub(crate) fn emit(&mut self, formulation: &mut dyn Formulation, outputs: &mut Outputs) -> Result<(), SystemError> {
         while outputs.t_eval.get(outputs.next).is_some_and(|t| *t <= self.t) {
-            formulation.state_at(self.t, &self.y, &mut self.output)?;
-            formulation.keep_choice();
+            formulation.state_at(self.t, &self.y, Purpose::Keep, &mut self.output)?;
             (outputs.sink)(&self.output)?;
             outputs.next += 1;
         }
@@ -49,20 +44,23 @@ impl March {
     }
 
     /// The output at t inside the step that was concluded; y is memory for a state.
-    fn output_at<F: Formulation>(
+    fn output_at(
         &mut self,
-        formulation: &mut F,
+        formulation: &mut dyn Formulation,
         t: f64,
         y: &mut [f64],
     ) -> Result<(), StepFailure<SystemError>> {
-        let stepper: &mut dyn Stepper<SystemError> = if self.crosses { &mut self.crossing } else { &mut *self.stepper };
+        let stepper: &mut dyn Stepper<SystemError> = match self.course {
+            Course::Across => &mut self.crossing,
+            Course::Along => &mut *self.stepper,
+        };
         let (from, to) = (stepper.current().t_old, stepper.current().t_new);
         let mut state = |t: f64, out: &mut Output| {
-            stepper.interpolate(&mut Adapter(formulation), t, y)?;
-            formulation.state_at(t, y, out).map_err(|error| StepFailure::Rhs { t, error })
+            stepper.interpolate(&mut Adapter::new(formulation), t, y)?;
+            formulation.state_at(t, y, Purpose::Keep, out).map_err(|error| StepFailure::Rhs { t, error })
         };
         let beside = (to - from) * OUTPUTS_BESIDE;
-        let near = self.located.iter().copied().find(|zero| (t - zero).abs() < beside);
+        let near = self.located.times.iter().copied().find(|zero| (t - zero).abs() < beside);
         let failed = match state(t, &mut self.output) {
             Ok(()) if !self.output.singular && near.is_none() => return Ok(()),
             Ok(()) => None,
@@ -99,16 +97,16 @@ impl March {
         let closed = (tolerance::CLOSED_IN_RUN, tolerance::WORST_ROUNDING);
         let within = direct.as_ref().map_or((f64::INFINITY, f64::INFINITY), |_| closed);
         let accepted =
-            formulation.accept_output(&self.output, within).map_err(|error| StepFailure::Rhs { t, error })?;
+            formulation.point().accept_output(&self.output, within).map_err(|error| StepFailure::Rhs { t, error })?;
         if let Some(direct) = direct.filter(|_| !accepted) {
             self.output = direct;
         }
         Ok(())
     }
 
-    pub(super) fn outputs<F: Formulation>(
+    pub(super) fn outputs(
         &mut self,
-        formulation: &mut F,
+        formulation: &mut dyn Formulation,
         outputs: &mut Outputs,
     ) -> Result<(), StepFailure<SystemError>> {
         let end = self.active().current().t_new;
@@ -117,7 +115,6 @@ impl March {
             let done = self.output_at(formulation, t, &mut y);
             self.buffer = y;
             done?;
-            formulation.keep_choice();
             (outputs.sink)(&self.output).map_err(|error| StepFailure::Rhs { t, error })?;
             outputs.next += 1;
         }

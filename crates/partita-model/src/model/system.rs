@@ -16,13 +16,12 @@ use partita_math::formatted;
 use partita_math::scalar::Recording;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_math::tolerance;
-use partita_system::breakpoints::{Breakpoints, Reading};
 use partita_system::choice::Choice;
 use partita_system::clusters::Clusters;
 use partita_system::compiled::CompiledRates;
-use partita_system::guards::{Guard, GuardReading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Tangent};
 use partita_system::system::{Clustered, Conditions, Guards, Levels, Manifold, Metric, Names, Programs, Scales};
+use partita_system::watched::{Reading, Watched};
 use partita_system::{Finite, Size, SystemError, SystemRef};
 use std::sync::Arc;
 
@@ -486,22 +485,21 @@ impl Conditions for Model {
 }
 
 impl Guards for Model {
-    fn time_domain(&self) -> Option<(f64, String)> {
-        crate::time_domain::time_domain(&self.spec)
+    fn watched(&self) -> Watched {
+        Watched {
+            guards: self.guarded(),
+            breakpoints: self.curves().breakpoints.clone(),
+            discontinuities: crate::time_domain::discontinuities(&self.spec),
+            domain: crate::time_domain::time_domain(&self.spec),
+        }
     }
-    fn discontinuities(&self) -> Vec<f64> {
-        crate::time_domain::discontinuities(&self.spec)
-    }
-    fn breakpoints(&self) -> Vec<Breakpoints> {
-        self.curves().breakpoints.clone()
-    }
-    fn breakpoint_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
-        self.curves().read(&self.own, t, (q, v), s, out);
-    }
-    fn guards(&self) -> Vec<Guard> {
-        self.guarded()
-    }
-    fn guard_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [GuardReading]) {
-        self.own.read_guards(t, (q, v), s, out);
+    fn readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
+        let (of_guards, of_curves) = out.split_at_mut(out.len() - self.curves().breakpoints.len());
+        if !of_guards.is_empty() {
+            self.own.read_guards(t, (q, v), s, of_guards);
+        }
+        if !of_curves.is_empty() {
+            self.curves().read(&self.own, t, (q, v), s, of_curves);
+        }
     }
 }

@@ -16,17 +16,16 @@ mod steps;
 
 pub use combinations::*;
 
-use super::{Formulation, Side, Step};
-use crate::breakpoints::Watched;
+use super::{Depth, Formulation, Layout, Point, Prescribing, Prescription, Purpose, Side, Step, TrialEnd};
 use crate::error::Result;
-use crate::guards::GuardMonitor;
 use crate::positions::Positions;
-use crate::record::{Output, PartitionEvent, Sample};
+use crate::record::{Crossings, Gaps, History, Output, PartitionEvent, Sample, StepChecks, StepDecision};
 use crate::reduction::Reduction;
-use crate::singular::consistency::Watch;
+use crate::singular::consistency::Closure;
 use crate::system::{ConstrainedSystem, SystemError, SystemRef};
 use crate::tangent::instant::{self, Describer};
 use crate::tangent::Tangent;
+use crate::watched::{Reading, Watched};
 use checks::Checks;
 use compiled::CompiledMotion;
 use crossing::CrossingMonitor;
@@ -37,11 +36,29 @@ use prescribed::Prescribed;
 /// hardly more.
 const DESCRIBED_AS_ONE: usize = 24;
 
+/// The point to which the levels belong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Standing {
+    /// Somewhere: something was evaluated since the end of the step.
+    Elsewhere,
+    /// As before the last evaluation, which was one by compiled code.
+    Behind,
+    /// The position level alone at the end of the step, where the next evaluation is.
+    Settled,
+    /// The end of the step that was judged, at this time.
+    End(f64),
+    /// The state from which the next step is planned.
+    Planning,
+}
+
 /// A motion in the tangent T with the position coordinates P.
 pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     name: &'static str,
     system: SystemRef<'s, S>,
     k: usize,
+    layout: Layout,
+    /// Natural sizes of q.
+    sizes_of_q: Vec<f64>,
     tangent: T,
     positions: P,
     observes_work: bool,
@@ -50,32 +67,19 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     margin: Option<(f64, u64)>,
     /// Of the dimensions.
     drawing_errors: (f64, f64),
-    /// Whether anything was evaluated since.
-    moved: bool,
+    standing: Standing,
     /// Time of the levels last evaluated.
     levels_at: f64,
-    /// Whether the point last evaluated is the state from which the next step is planned.
-    planned_from: bool,
-    /// Whether the last evaluation was one by compiled code, which leaves the levels where they were.
-    behind: bool,
-    /// Whether the position level was evaluated at the end of the step, where the next evaluation is.
-    settled: bool,
     /// Evaluations by compiled code, where there may be any.
     compiled: Option<CompiledMotion>,
     /// Singular positions behind and ahead.
     monitor: CrossingMonitor,
-    /// Breakpoints of curves along the motion.
-    breakpoints: Watched,
-    /// Rows that prescribe a motion, compared with their derivatives.
+    /// Rows that prescribe a motion.
     prescribed: Prescribed<S>,
-    /// Functions of the state that no step crosses unseen.
-    guards: GuardMonitor,
-    /// Whether the current evaluation is the dense output at which guards are read.
-    looking: bool,
     /// Memory for a state ahead and its rates.
     ahead: (Vec<f64>, Vec<f64>),
     /// Constraint violations at the ends of steps.
-    watch: Watch,
+    closure: Closure,
     /// Other checks of steps and outputs.
     checks: Checks,
     v: Vec<f64>,
@@ -86,33 +90,52 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     fn with(name: &'static str, tangent: T, positions: P) -> Self {
         let r = tangent.seen();
         let (system, n) = (r.system.clone(), r.size().nv);
+        let (k, observes_work) = (tangent.count(), system.has_power() || system.rheonomic());
+        let prescribed = Prescribed::new(&*system);
+        let work = positions.width() + k;
+        let beside = work + usize::from(observes_work);
+        let layout = Layout {
+            sizes: vec![1.0; beside + prescribed.count()],
+            // where drives prescribe all motion, their work is the only state
+            controlled: work + usize::from(observes_work && k == 0),
+            // the work may vary faster than the motion
+            observed: (observes_work && k > 0).then_some(work),
+            beside,
+        };
         Self {
             name,
-            k: tangent.count(),
+            k,
+            layout,
+            sizes_of_q: super::sizes_of_coordinates(&*system),
             describer: Describer::new(system.clone(), r.rank(), r.is_dense() || r.k() <= DESCRIBED_AS_ONE),
             tangent,
             positions,
-            observes_work: system.has_power() || system.rheonomic(),
+            observes_work,
             margin: None,
             drawing_errors: system.drawing_errors(),
-            moved: true,
+            standing: Standing::Elsewhere,
             levels_at: f64::NAN,
-            planned_from: false,
-            behind: false,
-            settled: false,
             compiled: None,
             monitor: CrossingMonitor::new(system.size()),
-            breakpoints: Watched::new(system.breakpoints()),
-            prescribed: Prescribed::new(&*system),
-            guards: GuardMonitor::new(system.guards()),
-            looking: false,
+            prescribed,
             ahead: (Vec::new(), Vec::new()),
-            watch: Watch::default(),
+            closure: Closure::default(),
             checks: Checks::default(),
             v: vec![0.0; n],
             vdot: vec![0.0; n],
             system,
         }
+    }
+
+    /// Natural sizes of the state as it is now.
+    fn measure(&mut self) {
+        let (p, w) = self.offsets();
+        let out = &mut self.layout.sizes;
+        self.positions.sizes(&self.sizes_of_q, &mut out[..p]);
+        if self.observes_work {
+            out[w] = self.tangent.seen().natural_energy();
+        }
+        out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
     }
 
     /// The tangent, at the point last evaluated.
@@ -143,18 +166,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
     }
 
-    /// All levels at (t, y).
-    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
-        self.levels(t, y, false)
-    }
-
     /// All levels at (t, y), with the accelerations in `vdot` if they are known.
     fn levels(&mut self, t: f64, y: &[f64], known: bool) -> Result<()> {
-        (self.behind, self.levels_at) = (false, t);
         let (p, w) = self.offsets();
-        let factored = match std::mem::take(&mut self.settled) && !self.monitor.crosses_next {
+        let settled = std::mem::replace(&mut self.standing, Standing::Elsewhere) == Standing::Settled;
+        self.levels_at = t;
+        let crossing = self.monitor.crosses_next();
+        let factored = match settled && !crossing {
             true => false,
-            false => self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next)?,
+            false => self.positions.locate(&mut self.tangent, t, y, crossing)?,
         };
         let (tangent, q, u) = (&mut self.tangent, self.positions.q(), &y[p..w]);
         let levels = |tangent: &mut T| {
@@ -170,21 +190,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// Rates of all states at (t, y), the levels evaluated there.
     fn derivative_by_levels(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
-        self.moved = true;
         self.evaluate(t, y)?;
-        if self.guards.waits() {
-            let r = self.tangent.reduction();
-            let out = self.guards.start(t, r.fastest());
-            r.system.guard_readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
-        } else if self.looking {
-            let (r, q) = (self.tangent.reduction(), self.positions.q());
-            self.guards.beside(t, |out| r.system.guard_readings(t, q, &r.v, &mut r.scratch, out));
-        }
-        self.rates(t, y, dy)
+        self.rates_here(t, y, dy)
     }
 
     /// Rates of all states at the point last evaluated.
-    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
+    fn rates_here(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
         let (p, w) = self.offsets();
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         self.tangent.rates(&mut dy[p..w]);
@@ -193,7 +204,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         if !self.prescribed.is_empty() {
             self.tangent.full_acceleration(&mut self.vdot);
-            let beside = self.place_of_prescribed();
+            let beside = self.layout.beside;
             let v = &self.tangent.seen().v;
             self.prescribed.rates(&self.system, self.positions.q(), v, &self.vdot, &mut dy[beside..]);
         }
@@ -211,9 +222,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Whether (t, y) is the end of the step that was judged, its loops closed to round-off and its levels evaluated.
     fn ends_at(&self, t: f64, y: &[f64]) -> bool {
         let q = self.positions.q();
-        !self.moved
-            && !self.behind
-            && self.levels_at == t
+        self.standing == Standing::End(t)
             && self.offsets().0 == q.len()
             && *q == y[..q.len()]
             && self.tangent.seen().is_closed()
@@ -230,75 +239,99 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 }
 
-impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Formulation for Motion<'s, S, T, P> {
-    fn set_out(&mut self, step: &mut Step) -> Result<()> {
-        self.evaluate(step.t, step.y)?;
-        self.margin = self.tangent.margin();
-        self.look_back(step.t);
-        self.begin();
-        // what acts may have changed: no way leads back
-        self.monitor.checkpoints.clear();
-        self.planned_from = true;
-        let planned = self.plan_ahead(step).map(drop);
-        self.planned_from = false;
-        planned
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Point for Motion<'s, S, T, P> {
+    fn watched(&self) -> Watched {
+        self.system.watched()
+    }
+    fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
+        self.levels(t, y, false)
+    }
+    fn readings(&mut self, t: f64, out: &mut [Reading]) -> f64 {
+        let r = self.tangent.reduction();
+        r.system.readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
+        r.fastest()
     }
     fn side(&mut self, t: f64, y: &[f64]) -> Option<Side> {
-        self.moved = true;
-        let found = match self.monitor.judged {
-            true => self.positions.output(&mut self.tangent, t, y),
-            false => self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next),
+        self.standing = Standing::Elsewhere;
+        let found = match self.monitor.judgement {
+            Some(_) => self.positions.output(&mut self.tangent, t, y),
+            None => self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next()),
         };
         self.tangent.tangent(t, self.positions.q(), found.ok()?).ok()?;
         self.side_inside(t)
     }
-    fn dim(&self) -> usize {
-        self.place_of_prescribed() + self.prescribed.count()
+    fn obstacle(&self, t: f64) -> Option<SystemError> {
+        (self.monitor.crossing.tries().0 > 0).then(|| self.not_crossed(t))
     }
-    /// Where drives prescribe all motion, their work is the only state.
-    fn controlled(&self) -> usize {
-        self.offsets().1 + usize::from(self.observes_work && self.k == 0)
+    fn prescribing(&self) -> &[usize] {
+        &self.prescribed.rows
     }
-    /// The work, which may vary faster than the motion.
-    fn observed(&self) -> Option<usize> {
-        (self.observes_work && self.k > 0).then(|| self.offsets().1)
+    fn prescribed(&mut self, at: Prescribing, out: &mut [Prescription]) -> Result<()> {
+        self.prescribed.conditions(self.tangent.seen(), at, out)
     }
-    fn natural_sizes(&self, out: &mut [f64]) {
-        out.fill(1.0);
-        let (p, w) = self.offsets();
-        let mut of_q = vec![1.0; self.system.size().nq];
-        super::sizes_of_coordinates(&*self.system, &mut of_q);
-        self.positions.sizes(&of_q, &mut out[..p]);
-        if self.observes_work {
-            out[w] = self.tangent.seen().natural_energy();
+    fn prescriber(&self, row: usize) -> String {
+        self.system.row_owner(row)
+    }
+    fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool> {
+        self.standing = Standing::Elsewhere;
+        let r = self.tangent.reduction();
+        r.position(at.t, &at.q)?;
+        r.v.copy_from_slice(&at.v);
+        let found = self.output_gaps(at.t);
+        let accepted = found.position.part <= within.0 && found.velocity.part <= within.1;
+        if accepted {
+            self.count_output(at.t, found);
         }
-        out[p..w].iter_mut().enumerate().for_each(|(j, x)| *x = self.tangent.natural_size(j));
+        Ok(accepted)
+    }
+    fn checks(&self) -> (Gaps, StepChecks) {
+        (self.closure.gaps, self.checks.taken)
+    }
+    fn crossings(&self) -> Crossings {
+        self.monitor.crossing.times.clone()
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Formulation for Motion<'s, S, T, P> {
+    fn layout(&self) -> &Layout {
+        &self.layout
     }
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()> {
         let (p, w) = self.offsets();
         let mut q = q.to_vec();
+        (self.closure.gaps, self.checks.taken) = (Gaps::default(), StepChecks::default());
         self.tangent.start(t, &mut q, v)?;
-        self.guards.forget();
         y.fill(0.0);
         self.positions.start(&mut self.tangent, t, &q, y);
         self.tangent.select(v, &mut y[p..w]);
-        let beside = self.place_of_prescribed();
-        self.prescribed.start(&q, v, &mut y[beside..]);
-        self.prescribed.open_at_start(&self.system, t, &y[beside..], (&q, v))
+        self.prescribed.start(&q, v, &mut y[self.layout.beside..]);
+        self.measure();
+        Ok(())
     }
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<()> {
-        match self.compiled_rates(t, y, dy) {
-            true => {
-                self.moved = true;
-                Ok(())
-            }
+    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64], depth: Depth) -> Result<()> {
+        match depth == Depth::Rates && self.compiled_rates(t, y, dy) {
+            true => Ok(()),
             false => self.derivative_by_levels(t, y, dy),
         }
     }
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<()> {
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<TrialEnd> {
+        self.end(t, y, dy, known)
+    }
+    fn commit(&mut self, decision: StepDecision, step: &mut Step) -> Result<bool> {
+        let rewritten = match decision {
+            StepDecision::Begin => self.begin_at(step),
+            StepDecision::Repeat => self.repeat(step),
+            StepDecision::Keep | StepDecision::Change => self.accept(decision, step),
+        }?;
+        if rewritten {
+            self.measure();
+        }
+        Ok(rewritten)
+    }
+    fn state_at(&mut self, t: f64, y: &[f64], purpose: Purpose, out: &mut Output) -> Result<()> {
         let (p, w) = self.offsets();
         let ends = self.ends_at(t, y);
-        self.moved = true;
+        self.standing = Standing::Elsewhere;
         let singular = if ends {
             self.is_singular(self.margin)
         } else {
@@ -327,31 +360,34 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             let found = self.output_gaps(t);
             self.count_output(t, found);
         }
-        Ok(())
-    }
-    fn keep_choice(&mut self) {
-        self.tangent.base_mut().keep_choice();
-    }
-    fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool> {
-        self.moved = true;
-        let r = self.tangent.reduction();
-        r.position(at.t, &at.q)?;
-        r.v.copy_from_slice(&at.v);
-        let found = self.output_gaps(at.t);
-        let accepted = found.position.part <= within.0 && found.velocity.part <= within.1;
-        if accepted {
-            self.count_output(at.t, found);
+        if purpose == Purpose::Keep {
+            self.tangent.base_mut().keep_choice();
         }
-        Ok(accepted)
+        Ok(())
     }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
         if self.has_levels_of(within) {
             // an evaluation like any other: nothing is chosen anew
-            self.moved = true;
+            self.standing = Standing::Elsewhere;
             let choice = self.tangent.seen().partition.independent.clone();
             return instant::describe(self.tangent.reduction(), at, Some(&choice), out).map(drop);
         }
         let r = self.describer.describe(at, self.tangent.independent(within), out)?;
         self.tangent.describe(r, at, within, out)
+    }
+    fn history(&self) -> History {
+        let mut history = History { name: self.name, crossings: self.crossings(), ..History::default() };
+        (history.closure_error, history.gaps, history.checks) =
+            (self.closure.closure_error, self.closure.gaps, self.checks.taken);
+        self.tangent.base().report(&mut history);
+        self.tangent.report(&mut history);
+        self.positions.report(&mut history);
+        if let Some(compiled) = &self.compiled {
+            compiled.report(&mut history);
+        }
+        history
+    }
+    fn point(&mut self) -> &mut dyn Point {
+        self
     }
 }

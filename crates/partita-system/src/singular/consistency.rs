@@ -87,7 +87,7 @@ pub(crate) fn gaps<S: ConstrainedSystem>(t: f64, r: &Reduction<S>) -> Gaps {
 
 /// Residuals at the end of the step that is judged, and at the ends of accepted ones.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Watch {
+pub struct Closure {
     /// |Φ| and |C v + a|.
     trial: (f64, f64),
     trial_gaps: Gaps,
@@ -100,7 +100,7 @@ pub struct Watch {
     fastest: f64,
 }
 
-impl Watch {
+impl Closure {
     /// The fastest rate up to the end of the step that was examined last [1/s].
     pub fn fastest_yet(&self) -> f64 {
         self.trial_fastest

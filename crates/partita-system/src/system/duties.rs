@@ -1,12 +1,11 @@
 //! The traits of a constrained system.
 
 use super::{BlockSink, ClusterTangent, Finite, Recursion, Size, SystemError, SystemRef, Tangent};
-use crate::breakpoints::{Breakpoints, Reading};
 use crate::choice::Choice;
 use crate::closing::Closing;
 use crate::clusters::Clusters;
 use crate::compiled::CompiledRates;
-use crate::guards::{Guard, GuardReading};
+use crate::watched::{Reading, Watched};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Recording;
 use std::sync::Arc;
@@ -314,26 +313,12 @@ pub trait Conditions {
 
 /// Times and positions that no step may pass unseen.
 pub trait Guards: Levels {
-    /// The time after which nothing can be evaluated, and the table that ends there, in words.
-    fn time_domain(&self) -> Option<(f64, String)> {
-        None
+    /// Them all.
+    fn watched(&self) -> Watched {
+        Watched::default()
     }
-    /// Ascending times of known discontinuities of loads and drives: steps end there.
-    fn discontinuities(&self) -> Vec<f64> {
-        Vec::new()
-    }
-    /// Curves with breakpoints: steps end where a breakpoint that matters is passed.
-    fn breakpoints(&self) -> Vec<Breakpoints> {
-        Vec::new()
-    }
-    /// Abscissa of each of them, and its rate, at the point (t, q, v) last evaluated.
-    fn breakpoint_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
-    /// Functions of the state that change sides: no step crosses one unseen.
-    fn guards(&self) -> Vec<Guard> {
-        Vec::new()
-    }
-    /// Their readings at the point (t, q, v) last evaluated.
-    fn guard_readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [GuardReading]) {}
+    /// The functions among them at the point (t, q, v) last evaluated.
+    fn readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
 }
 
 /// Evaluations by code of the processor, where the system can be recorded.

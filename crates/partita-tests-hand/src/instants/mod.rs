@@ -4,7 +4,7 @@
 use partita_math::dense::{self, Matrix};
 use partita_math::factor;
 use partita_system::equations::{Equations, UserSystem};
-use partita_system::formulation::{Formulation, Step, StepDecision};
+use partita_system::formulation::{Findings, Formulation, Purpose, Step, StepDecision};
 use partita_system::options::TangentMap;
 use partita_system::record::{Output, Sample};
 use partita_system::reduction::Reduction;
@@ -212,14 +212,14 @@ impl TangentMap for GivenTangent {
 }
 
 /// Carry out a verdict where steps are fixed; true if y was rewritten.
-pub fn commit<F: Formulation>(f: &mut F, verdict: StepDecision, t: f64, y: &mut [f64], dy: &mut [f64]) -> bool {
+pub fn commit(f: &mut dyn Formulation, verdict: StepDecision, t: f64, y: &mut [f64], dy: &mut [f64]) -> bool {
     let mut turns = vec![0; y.len()];
-    f.commit(verdict, &mut Step { t, y, dy, turns: &mut turns, pace: None, located: None }).unwrap()
+    f.commit(verdict, &mut Step { t, y, dy, turns: &mut turns, pace: None, findings: Findings::default() }).unwrap()
 }
 
 /// All that a formulation tells about the state y.
-pub fn sample<F: Formulation + ?Sized>(f: &mut F, t: f64, y: &[f64]) -> Sample {
+pub fn sample(f: &mut dyn Formulation, t: f64, y: &[f64]) -> Sample {
     let mut output = Output::default();
-    f.state_at(t, y, &mut output).unwrap();
+    f.state_at(t, y, Purpose::Look, &mut output).unwrap();
     Sample::of(f, &output, &[]).unwrap()
 }

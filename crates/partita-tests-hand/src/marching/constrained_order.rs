@@ -4,8 +4,7 @@
 use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::{Formulation, PrescribedRows, Step, StepDecision};
-use partita_system::formulation::{FormulationSteps, SingularSteps};
+use partita_system::formulation::{Depth, Formulation, Layout, Point, Purpose, Step, StepDecision, TrialEnd};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::record::{Correction, History, Output, PartitionEvent, Sample};
@@ -192,37 +191,38 @@ impl<'s, E: Equations> Watched<'s, E> {
     }
 }
 
-impl<E: Equations> SingularSteps for Watched<'_, E> {}
-
-impl<E: Equations> FormulationSteps for Watched<'_, E> {
-    fn trial_end(
-        &mut self,
-        t: f64,
-        y: &mut [f64],
-        dy: &mut [f64],
-        known: bool,
-    ) -> Result<(StepDecision, bool), SystemError> {
+impl<E: Equations> Formulation for Watched<'_, E> {
+    fn layout(&self) -> &Layout {
+        self.inner.layout()
+    }
+    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
+        self.inner.start(t, q, v, y)
+    }
+    fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64], depth: Depth) -> Result<(), SystemError> {
+        self.inner.rates(t, y, dy, depth)
+    }
+    fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<TrialEnd, SystemError> {
         self.steps += 1;
-        let (verdict, evaluated) = self.inner.trial_end(t, y, dy, known)?;
-        Ok((if self.force.is_some() { StepDecision::Change } else { verdict }, evaluated))
+        let end = self.inner.trial_end(t, y, dy, known)?;
+        Ok(if self.force.is_some() { TrialEnd { decision: StepDecision::Change, ..end } } else { end })
     }
     fn commit(&mut self, verdict: StepDecision, step: &mut Step) -> Result<bool, SystemError> {
         if verdict != StepDecision::Change {
             return self.inner.commit(verdict, step);
         }
-        let Step { t, y, dy, turns, pace, located } = step;
+        let Step { t, y, dy, turns, pace, findings } = step;
         let t = *t;
         let before = (y.to_vec(), self.velocities(t, y));
         let independent = self.inner.reduction().partition.independent.clone();
         match self.force {
             None => {
                 self.inner
-                    .commit(verdict, &mut Step { t, y, dy, turns, pace: pace.as_deref_mut(), located: *located })?;
+                    .commit(verdict, &mut Step { t, y, dy, turns, pace: pace.as_deref_mut(), findings: *findings })?;
             }
             Some(least) => {
                 self.inner.commit(
                     StepDecision::Keep,
-                    &mut Step { t, y, dy, turns, pace: pace.as_deref_mut(), located: *located },
+                    &mut Step { t, y, dy, turns, pace: pace.as_deref_mut(), findings: *findings },
                 )?;
                 let r = self.inner.reduction();
                 let (nq, mut vdot, mut rho) = (r.size().nq, vec![0.0; r.size().nv], vec![0.0; r.size().nv]);
@@ -248,34 +248,17 @@ impl<E: Equations> FormulationSteps for Watched<'_, E> {
         after.iter().zip(&before.1).for_each(|(x, y)| assert!((x - y).abs() < 1e-12 * (1.0 + y.abs()), "{x} {y}"));
         Ok(true)
     }
-    fn history(&self) -> History {
-        self.inner.history()
-    }
-}
-
-impl<E: Equations> PrescribedRows for Watched<'_, E> {}
-
-impl<E: Equations> Formulation for Watched<'_, E> {
-    fn dim(&self) -> usize {
-        self.inner.dim()
-    }
-    fn controlled(&self) -> usize {
-        self.inner.controlled()
-    }
-    fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<(), SystemError> {
-        self.inner.start(t, q, v, y)
-    }
-    fn derivative(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
-        self.inner.derivative(t, y, dy)
-    }
-    fn state_at(&mut self, t: f64, y: &[f64], out: &mut Output) -> Result<(), SystemError> {
-        self.inner.state_at(t, y, out)
-    }
-    fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool, SystemError> {
-        self.inner.accept_output(at, within)
+    fn state_at(&mut self, t: f64, y: &[f64], purpose: Purpose, out: &mut Output) -> Result<(), SystemError> {
+        self.inner.state_at(t, y, purpose, out)
     }
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<(), SystemError> {
         self.inner.describe(at, within, out)
+    }
+    fn history(&self) -> History {
+        self.inner.history()
+    }
+    fn point(&mut self) -> &mut dyn Point {
+        self.inner.point()
     }
 }
 

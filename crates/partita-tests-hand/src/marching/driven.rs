@@ -5,7 +5,7 @@ use partita_integrate::simulate::Settings;
 use partita_system::equations::UserSystem;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry::by_name;
-use partita_system::formulation::FormulationSteps;
+use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Sample};
 
@@ -59,7 +59,7 @@ fn power_balance() {
     let samples = march(&mut projective, &q, &v, &at, &reference(2.0));
     check(&samples, 1e-11);
     let mut multipliers = by_name("multipliers", &system, 1, &least_moves()).unwrap();
-    check(&march(&mut multipliers, &q, &v, &at, &reference(2.0)), 1e-11);
+    check(&march(&mut *multipliers, &q, &v, &at, &reference(2.0)), 1e-11);
     // at one instant: E' by differences of the exact motion against −λ a
     let h = 1e-3;
     let close = |t: f64| -> Vec<Sample> {

@@ -70,7 +70,7 @@ fn run<E: Equations>(
     at: &[f64],
     settings: &partita_integrate::simulate::Settings,
 ) -> Vec<Sample> {
-    march(&mut formulation(name, system, start, correction), &start.0, &start.1, at, settings)
+    march(&mut *formulation(name, system, start, correction), &start.0, &start.1, at, settings)
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn one_motion() {
         for &(name, drift) in TABLE {
             for correction in CORRECTIONS {
                 let mut f = formulation(name, system, start, correction);
-                let samples = march(&mut f, &start.0, &start.1, &at, &reference(at[4]));
+                let samples = march(&mut *f, &start.0, &start.1, &at, &reference(at[4]));
                 let off = distance(&samples, &exact);
                 assert!(off < within, "{what}, {name}, {correction:?}: {off:e}");
                 // what went in as work is all that changes it; forces of some tens of newtons times the error in q and
@@ -225,8 +225,8 @@ fn nothing_is_thrown_back_at_a_dead_point() {
                 Ok(())
             };
             let go_on = &mut |_| ControlFlow::Continue(());
-            let outcome = simulate(&mut f, 0.0, &q, &v, &at, &settings, &mut sink, go_on).unwrap();
-            let samples = described(&mut f, &outputs);
+            let outcome = simulate(&mut *f, 0.0, &q, &v, &at, &settings, &mut sink, go_on).unwrap();
+            let samples = described(&mut *f, &outputs);
             // errors of the steps next to the dead point grow by its gain there
             let off = distance(&samples, &exact); // as far as it came
             assert!(off < 100.0 * rtol.max(1e-6), "{name} at {rtol:e}: {off:e}");
@@ -242,6 +242,6 @@ fn nothing_is_thrown_back_at_a_dead_point() {
     let at = times(0.2, 10);
     let exact = run("projective", &system, &(q.clone(), v.clone()), Correction::Partition, &at, &reference(at[9]));
     let mut f = formulation("wehage-haug", &system, &(q.clone(), v.clone()), Correction::Partition);
-    let off = distance(&march(&mut f, &q, &v, &at, &reference(at[9])), &exact);
+    let off = distance(&march(&mut *f, &q, &v, &at, &reference(at[9])), &exact);
     assert!(off < 1e-9 && f.history().counters.switches >= 6, "{off:e}");
 }

@@ -8,7 +8,6 @@ use partita_system::equations::{Equations, UserScratch, UserSystem};
 use partita_system::formulation::motion::ExplicitClosing;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
-use partita_system::formulation::FormulationSteps;
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Sample;
@@ -416,7 +415,7 @@ fn blocks_are_checked() {
         let [a, b] = Angles::close(0.8);
         let (q, v) = at_rates(&Recognised::six_bar(), &[0.8, a, b, 0.4, -0.6], &[(0, 1.5)]);
         let mut f = explicit(&system, None, 1.25);
-        let mut y = vec![0.0; f.dim()];
+        let mut y = vec![0.0; f.layout().dim()];
         match f.start(0.0, &q, &v, &mut y) {
             Err(SystemError::Argument { message, .. }) => assert!(message.contains(word), "{message}"),
             other => panic!("{other:?}"),

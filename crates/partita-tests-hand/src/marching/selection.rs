@@ -7,7 +7,6 @@ use partita_integrate::tableau::DOP853;
 use partita_system::equations::Equations;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::Formulation;
-use partita_system::formulation::FormulationSteps;
 use partita_system::options::FormulationOptions;
 use partita_system::partition::{determinant, Selection};
 use partita_system::prelude::*;
@@ -237,7 +236,7 @@ fn contradictions_are_refused() {
     let (q, v) = FourBar::start();
     let refusal = |options: FormulationOptions| {
         let mut f = Projective::new(&system, 8, &options);
-        f.start(0.0, &q, &v, &mut vec![0.0; f.dim()]).unwrap_err().to_string()
+        f.start(0.0, &q, &v, &mut vec![0.0; f.layout().dim()]).unwrap_err().to_string()
     };
     let d = FormulationOptions::default;
     assert!(refusal(FormulationOptions { selection: Selection::Persistence, ..d() }).contains("window"));

@@ -4,7 +4,7 @@ use crate::pieces::{any, distance, grid, march, reference, run, slope, times};
 use partita_system::equations::Equations;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::registry;
-use partita_system::formulation::FormulationSteps;
+use partita_system::formulation::Formulation;
 use partita_system::options::FormulationOptions;
 use partita_system::record::{Correction, Sample};
 use partita_system::SystemError;
@@ -195,7 +195,7 @@ fn both_formulations_pull_the_rod_alike() {
     let at = times(0.3, 10);
     let x = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(3.0));
     let mut f = registry::by_name("multipliers", &system, 3, &least_moves()).unwrap();
-    let y = march(&mut f, &q, &v, &at, &reference(3.0));
+    let y = march(&mut *f, &q, &v, &at, &reference(3.0));
     assert!(distance(&x, &y) < 1e-10, "{:e}", distance(&x, &y));
     for (x, y) in x.iter().zip(&y) {
         x.multipliers.iter().zip(&y.multipliers).for_each(|(x, y)| assert!((x - y).abs() < 1e-9, "{x} {y}"));
@@ -221,7 +221,7 @@ fn two_k_states_need_positions() {
     for name in ["multipliers", "range-space", "proximal"] {
         for correction in [Correction::Partition, Correction::MassOrthogonal] {
             let options = FormulationOptions { correction, ..FormulationOptions::default() };
-            let y = march(&mut registry::by_name(name, &system, 3, &options).unwrap(), &q, &v, &at, &reference(3.0));
+            let y = march(&mut *registry::by_name(name, &system, 3, &options).unwrap(), &q, &v, &at, &reference(3.0));
             assert!(distance(&x, &y) < 1e-10, "{name}: {:e}", distance(&x, &y));
             y.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-13, "{name}"));
         }
@@ -240,14 +240,14 @@ fn tangent_velocities_pull_the_rod_alike() {
         for correction in [Correction::None, Correction::MassOrthogonal, Correction::Partition] {
             let options = FormulationOptions { correction, renew: 0.8.into(), ..FormulationOptions::default() };
             let make = || registry::by_name(name, &system, 3, &options).unwrap();
-            let samples = march(&mut make(), &q, &v, &at, &reference(3.0));
+            let samples = march(&mut *make(), &q, &v, &at, &reference(3.0));
             assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));
             for (x, y) in samples.iter().zip(&exact) {
                 x.multipliers.iter().zip(&y.multipliers).for_each(|(x, y)| assert!((x - y).abs() < 1e-9, "{x} {y}"));
                 assert!(x.velocity_closure < 1e-13);
                 assert!(correction == Correction::None || x.closure < 1e-14, "{:e}", x.closure);
             }
-            let errors = STEPS.map(|h| distance(&march(&mut make(), &q, &v, &at, &grid(3.0, h)), &exact));
+            let errors = STEPS.map(|h| distance(&march(&mut *make(), &q, &v, &at, &grid(3.0, h)), &exact));
             let p = slope(&STEPS, &errors);
             assert!((p - 4.0).abs() < 0.2, "{name}, {correction:?}: order {p} from {errors:?}");
         }

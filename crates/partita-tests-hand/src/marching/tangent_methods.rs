@@ -5,8 +5,7 @@ use crate::pieces::{
 };
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::TangentSpace;
-use partita_system::formulation::registry;
-use partita_system::formulation::Formulation;
+use partita_system::formulation::{registry, Depth, Formulation};
 use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::prelude::*;
 use partita_system::record::{Correction, Sample};
@@ -46,7 +45,7 @@ fn order_of_a_four_bar() {
             let errors = STEPS.map(|h| {
                 // renewed early: near the end of a basis the higher terms of the error still show at these steps
                 let mut f = formulation(&system, name, correction, 0.8);
-                let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
+                let samples = march(&mut *f, &q, &v, &at, &grid(2.0, h));
                 assert!(f.history().events.len() >= 3, "{name}: {:?}", f.history().events);
                 for s in &samples {
                     assert!(s.velocity_closure < 1e-12, "{name}: {:e}", s.velocity_closure);
@@ -73,7 +72,7 @@ fn one_motion_with_every_form() {
     let exact = run(&system, FormulationOptions::default(), &FourBar::start(), &at, &reference(4.0));
     for name in NAMES {
         let mut f = formulation(&system, name, Correction::Partition, 0.5);
-        let samples = march(&mut f, &q, &v, &at, &reference(4.0));
+        let samples = march(&mut *f, &q, &v, &at, &reference(4.0));
         // tolerance 2e-14, a few hundred steps, growth of errors by some hundreds in four seconds
         assert!(distance(&samples, &exact) < 1e-8, "{name}: {:e}", distance(&samples, &exact));
         for (x, y) in samples.iter().zip(&exact) {
@@ -102,7 +101,7 @@ fn renewing_is_free_of_error() {
     for name in NAMES {
         let errors = [0.0.into(), 0.5.into(), 1.0.into(), Renew::EachStep].map(|renew: Renew| {
             let mut f = formulation(&system, name, Correction::Partition, renew);
-            let samples = march(&mut f, &q, &v, &at, &grid(0.5, 0.005));
+            let samples = march(&mut *f, &q, &v, &at, &grid(0.5, 0.005));
             let counters = f.history().counters;
             if renew.never() {
                 assert_eq!((f.history().events.len(), counters.renewals), (1, 1));
@@ -157,14 +156,14 @@ fn every_stage_is_closed() {
     let system = any(FourBar);
     let (q, v) = FourBar::start();
     let mut f = TangentSpace::new(&system, 8, &FormulationOptions::default()).unwrap();
-    let mut y = vec![0.0; f.dim()];
-    assert_eq!((f.dim(), f.controlled()), (2, 2));
+    let mut y = vec![0.0; f.layout().dim()];
+    assert_eq!((f.layout().dim(), f.layout().controlled), (2, 2));
     f.start(0.0, &q, &v, &mut y).unwrap();
     let mut dy = vec![0.0; 2];
     for i in -20..=20 {
         // far from the base, and nowhere near a motion
         let point = [0.02 * f64::from(i), 3.0 * f64::from(i % 3)];
-        f.derivative(0.0, &point, &mut dy).unwrap();
+        f.rates(0.0, &point, &mut dy, Depth::Rates).unwrap();
         let (mut phi, p) = (vec![0.0; 8], f.position().to_vec());
         system.equations.constraints(0.0, &p, &mut phi).unwrap();
         phi.iter().for_each(|x| assert!(x.abs() < 1e-14, "{x:e} at {point:?}"));
@@ -196,14 +195,14 @@ fn a_shaken_pivot() {
     for name in NAMES {
         let errors = SHAKEN_STEPS.map(|h| {
             let mut f = formulation(&system, name, Correction::Partition, 0.5);
-            let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
+            let samples = march(&mut *f, &q, &v, &at, &grid(2.0, h));
             samples.iter().for_each(|s| assert!(s.velocity_closure < 1e-13));
             distance(&samples, &exact)
         });
         let slope = slope(&SHAKEN_STEPS, &errors);
         assert!((slope - 4.0).abs() < 0.2, "{name}: order {slope} from {errors:?}");
         let mut f = formulation(&system, name, Correction::Partition, 0.5);
-        let samples = march(&mut f, &q, &v, &at, &reference(2.0));
+        let samples = march(&mut *f, &q, &v, &at, &reference(2.0));
         for s in &samples {
             let balance = p.energy(s) - s.work - p.energy(&samples[0]);
             assert!(balance.abs() < 1e-9, "{name}: {balance:e}");
@@ -263,7 +262,7 @@ fn tangent_velocities_of_the_user() {
             let make = || registry::by_name("user-tangent", &system, 1, &options).unwrap();
             let errors = SHAKEN_STEPS.map(|h| {
                 let mut f = make();
-                let samples = march(&mut f, &q, &v, &at, &grid(2.0, h));
+                let samples = march(&mut *f, &q, &v, &at, &grid(2.0, h));
                 let reported = f.history().notes;
                 assert_eq!(reported.is_empty(), bias, "{reported:?}");
                 distance(&samples, &exact)
@@ -273,7 +272,7 @@ fn tangent_velocities_of_the_user() {
             if correction == Correction::None {
                 continue; // the loop opens with the drift
             }
-            let samples = march(&mut make(), &q, &v, &at, &reference(2.0));
+            let samples = march(&mut *make(), &q, &v, &at, &reference(2.0));
             // differences leave 1e-14 of a velocity over 1e-2 of a move in each evaluation
             assert!(distance(&samples, &exact) < 1e-9, "{bias}: {:e}", distance(&samples, &exact));
             for s in &samples {
@@ -288,7 +287,7 @@ fn tangent_velocities_of_the_user() {
     let exact = run(&system, FormulationOptions::default(), &(q.clone(), v.clone()), &at, &reference(2.0));
     let options = FormulationOptions { tangent: Some(Arc::new(AlongTheBars)), ..FormulationOptions::default() };
     let mut f = registry::by_name("user-tangent", &system, 2, &options).unwrap();
-    let samples = march(&mut f, &q, &v, &at, &reference(2.0));
+    let samples = march(&mut *f, &q, &v, &at, &reference(2.0));
     assert!(distance(&samples, &exact) < 1e-9, "{:e}", distance(&samples, &exact));
     for (x, y) in samples.iter().zip(&exact) {
         x.multipliers.iter().zip(&y.multipliers).for_each(|(x, y)| assert!((x - y).abs() < 1e-7, "{x} {y}"));
@@ -363,7 +362,7 @@ fn without_a_degree_of_freedom() {
         let at = times(0.1, 10);
         for name in NAMES.into_iter().chain(["user-tangent"]) {
             let mut f = registry::by_name(name, &system, 1, &options).unwrap();
-            for s in march(&mut f, &[0.0], &[frequency], &at, &reference(1.0)) {
+            for s in march(&mut *f, &[0.0], &[frequency], &at, &reference(1.0)) {
                 let (sin, cos) = (frequency * s.t).sin_cos();
                 assert!((s.q[0] - sin).abs() < 1e-13 && (s.v[0] - frequency * cos).abs() < 1e-13, "{name}");
                 // M x'' = h + λ; the bias by differences is good to 1e-10
@@ -429,7 +428,7 @@ fn a_redundant_row() {
     let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
     for name in NAMES.into_iter().chain(["user-tangent"]) {
         let mut f = registry::by_name(name, &twice, 1, &options).unwrap();
-        let samples = march(&mut f, &q, &v, &at, &reference(2.0));
+        let samples = march(&mut *f, &q, &v, &at, &reference(2.0));
         assert_eq!(f.history().rows.len(), 1);
         assert!(distance(&samples, &exact) < 1e-10, "{name}: {:e}", distance(&samples, &exact));
         for (x, y) in samples.iter().zip(&exact) {

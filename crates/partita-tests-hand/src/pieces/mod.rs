@@ -27,7 +27,7 @@ pub fn reference(t_end: f64) -> Settings {
 }
 
 /// Samples at `times`.
-pub fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], times: &[f64], settings: &Settings) -> Vec<Sample> {
+pub fn march(f: &mut dyn Formulation, q: &[f64], v: &[f64], times: &[f64], settings: &Settings) -> Vec<Sample> {
     let mut outputs = Vec::new();
     let mut sink = |s: &Output| {
         outputs.push(s.clone());
@@ -40,7 +40,7 @@ pub fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], times: &[f64], set
 }
 
 /// All that a formulation tells about the outputs of its run.
-pub fn described<F: Formulation>(f: &mut F, outputs: &[Output]) -> Vec<Sample> {
+pub fn described(f: &mut dyn Formulation, outputs: &[Output]) -> Vec<Sample> {
     let events = f.history().events;
     outputs.iter().map(|output| Sample::of(f, output, &events).unwrap()).collect()
 }

@@ -8,6 +8,7 @@ use partita_math::factor;
 use partita_system::equations::full::{self, baumgarte, AccelerationRule};
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::registry::{by_name, unread, NAMES};
+use partita_system::formulation::Depth;
 use partita_system::options::{FormulationOptions, Renew, TangentMap};
 use partita_system::partition::Selection;
 use partita_system::prelude::*;
@@ -137,9 +138,9 @@ fn check<E: Equations>(what: &str, system: &UserSystem<E>, t: f64, q: &[f64], v:
         let Some(options) = options(needs, system.equations.explicit_closing().is_some(), &tangent) else { continue };
         let mut f = by_name(name, system, rank, &options).unwrap();
         assert_eq!(f.history().name, name);
-        let mut y = vec![0.0; f.dim()];
+        let mut y = vec![0.0; f.layout().dim()];
         f.start(t, q, v, &mut y).unwrap();
-        let mut out = sample(&mut f, t, &y);
+        let mut out = sample(&mut *f, t, &y);
         let off = apart(&out.vdot, &vdot, &s);
         assert!(off < TOLERANCE, "{what}, {name}: v' off by {off:e}");
         let pattern = system.pattern();
@@ -158,9 +159,9 @@ fn check<E: Equations>(what: &str, system: &UserSystem<E>, t: f64, q: &[f64], v:
             for (i, y) in y.iter_mut().enumerate() {
                 *y += 1e-4 * (1.0 + i as f64).sin();
             }
-            let mut dy = vec![0.0; f.dim()];
-            f.derivative(t, &y, &mut dy).unwrap();
-            out = sample(&mut f, t, &y);
+            let mut dy = vec![0.0; f.layout().dim()];
+            f.rates(t, &y, &mut dy, Depth::Rates).unwrap();
+            out = sample(&mut *f, t, &y);
             let speed = v.iter().zip(&s).map(|(v, s)| (v / s).abs()).fold(1.0, f64::max);
             let row = |i: usize| pattern.row(i).map(|e| (c[e] * s[pattern.col_idx[e]]).abs()).fold(0.0, f64::max);
             let arm = (0..size.rows).map(row).fold(0.0, f64::max);
@@ -206,9 +207,9 @@ fn regression_values_of_the_four_bar() {
     let tangent = tangent_at(&system, 0.0, &q, &v);
     for &(name, needs, _) in TABLE {
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
-        let mut y = vec![0.0; f.dim()];
+        let mut y = vec![0.0; f.layout().dim()];
         f.start(0.0, &q, &v, &mut y).unwrap();
-        let out = sample(&mut f, 0.0, &y);
+        let out = sample(&mut *f, 0.0, &y);
         // link angles are sums of the joint angles of the reference: the crank is the same
         assert!((out.vdot[0] + 10.466415143407).abs() < 1e-11, "{name}: {}", out.vdot[0]);
         let lambda = [7.546968149505, 27.999622165247];
@@ -268,7 +269,7 @@ fn what_is_missing_is_asked_for() {
     let coupler = FormulationOptions { independent: Some(vec![1]), ..plain.clone() };
     let mut f = by_name("explicit-closing", &system, 2, &coupler).unwrap();
     let (q, v) = Angles::start();
-    let mut y = vec![0.0; f.dim()];
+    let mut y = vec![0.0; f.layout().dim()];
     match f.start(0.0, &q, &v, &mut y) {
         Err(SystemError::Argument { message, .. }) => assert!(message.contains("takes crank as inputs"), "{message}"),
         other => panic!("{other:?}"),
@@ -276,7 +277,7 @@ fn what_is_missing_is_asked_for() {
     // no function at all
     let instant = Instant::random(&mut fastrand::Rng::with_seed(3), 3, 1, 10.0).user_system();
     let mut f = by_name("explicit-closing", &instant, 1, &plain).unwrap();
-    let mut y = vec![0.0; f.dim()];
+    let mut y = vec![0.0; f.layout().dim()];
     assert!(matches!(f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y), Err(SystemError::Argument { .. })));
 }
 
@@ -358,10 +359,10 @@ fn a_fixed_choice_is_distinguished_from_a_singular_mechanism() {
     let fixed = FormulationOptions { independent: Some(vec![0]), ..FormulationOptions::default() };
     for name in ["projective", "fixed"] {
         let mut f = by_name(name, &system, 1, &fixed).unwrap();
-        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        let (mut y, mut dy) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()]);
         f.start(0.0, &[0.6, -0.8], &[0.8, 0.6], &mut y).unwrap();
         y[..2].copy_from_slice(&[1.0, 0.0]);
-        match f.derivative(0.0, &y, &mut dy) {
+        match f.rates(0.0, &y, &mut dy, Depth::Rates) {
             Err(SystemError::DeadPoint { coordinates, seen, advice, .. }) => {
                 assert!(coordinates == "x" && seen.contains("C_D is singular"), "{coordinates} {seen}");
                 assert!(advice.contains("not singular, and y would serve"), "{advice}");
@@ -369,7 +370,7 @@ fn a_fixed_choice_is_distinguished_from_a_singular_mechanism() {
             other => panic!("{name}: {other:?}"),
         }
         y[..2].copy_from_slice(&[0.0, 0.0]);
-        assert!(matches!(f.derivative(0.0, &y, &mut dy), Err(SystemError::Singular { .. })), "{name}");
+        assert!(matches!(f.rates(0.0, &y, &mut dy, Depth::Rates), Err(SystemError::Singular { .. })), "{name}");
         // the same at the start
         match f.start(0.0, &[1.0, 0.0], &[0.0, 1.0], &mut y) {
             Err(SystemError::Argument { message, .. }) => assert!(message.contains("y would serve"), "{message}"),
@@ -386,19 +387,19 @@ fn what_is_not_finite_is_refused() {
         let (q, v) = Angles::start();
         let tangent = tangent_at(&system, 0.0, &q, &v);
         let mut f = by_name(name, &system, 2, &options(needs, true, &tangent).unwrap()).unwrap();
-        let mut y = vec![0.0; f.dim()];
+        let mut y = vec![0.0; f.layout().dim()];
         f.start(0.0, &q, &v, &mut y).unwrap();
         let good = y.clone();
-        for i in 0..f.controlled() {
-            let mut dy = vec![0.0; f.dim()];
+        for i in 0..f.layout().controlled {
+            let mut dy = vec![0.0; f.layout().dim()];
             y.copy_from_slice(&good);
             y[i] = f64::NAN;
-            let answer = f.derivative(0.0, &y, &mut dy);
+            let answer = f.rates(0.0, &y, &mut dy, Depth::Rates);
             // the cheap forms leave a NaN in a speed to the stepper, which looks at every derivative
             assert!(answer.is_err() || dy.iter().any(|x| !x.is_finite()), "{name}: {dy:?}");
             assert!(answer.map_or_else(|e| e.is_local(), |()| true), "{name}");
             // and the formulation is as good as before
-            f.derivative(0.0, &good, &mut dy).unwrap();
+            f.rates(0.0, &good, &mut dy, Depth::Rates).unwrap();
             assert!(dy.iter().all(|x| x.is_finite()), "{name}");
         }
     }
@@ -418,9 +419,9 @@ fn the_proximal_iteration_lowers_its_damping_and_refuses_what_is_lost_in_roundin
     let ask = |angle: f64| {
         let system = nearly(angle).user_system();
         let mut f = by_name("proximal", &system, 2, &FormulationOptions::default()).unwrap();
-        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        let (mut y, mut dy) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()]);
         f.start(0.0, &[0.0; 3], &[0.0; 3], &mut y).map_err(|e| e.to_string())?;
-        f.derivative(0.0, &y, &mut dy).map_err(|e| e.to_string())?;
+        f.rates(0.0, &y, &mut dy, Depth::Rates).map_err(|e| e.to_string())?;
         // v' = (−b0, (b0 − b1) / angle, h2)
         let off = (dy[4] - (0.4 - 0.7) / angle).abs() * angle;
         assert_eq!(dy[5], 0.5);

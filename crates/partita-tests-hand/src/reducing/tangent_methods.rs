@@ -8,8 +8,8 @@ use partita_system::equations::UserSystem;
 use partita_system::formulation::motion::TangentVelocities;
 use partita_system::formulation::motion::UserTangent;
 use partita_system::formulation::registry::by_name;
-use partita_system::formulation::FormulationSteps;
-use partita_system::formulation::{Formulation, StepDecision};
+use partita_system::formulation::Formulation;
+use partita_system::formulation::{Depth, StepDecision};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Correction;
 use partita_system::reduction::Reduction;
@@ -162,14 +162,14 @@ fn every_rule_moves_alike() {
         let (n, m) = (e.mass.rows(), e.c.rows());
         let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
         let mut reference = by_name("range-space", system, m, &uncorrected()).unwrap();
-        let mut y = vec![0.0; reference.dim()];
+        let mut y = vec![0.0; reference.layout().dim()];
         reference.start(0.0, q, v, &mut y).unwrap();
-        let out = sample(&mut reference, 0.0, &y);
+        let out = sample(&mut *reference, 0.0, &y);
         for rule in rules() {
             let name = rule.name();
             let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
-            let mut y = vec![0.0; f.dim()];
-            assert_eq!(f.dim(), n + (n - m) + 1);
+            let mut y = vec![0.0; f.layout().dim()];
+            assert_eq!(f.layout().dim(), n + (n - m) + 1);
             f.start(0.0, q, v, &mut y).unwrap();
             let s = sample(&mut f, 0.0, &y);
             let off = length(&e.mass, &minus(&s.v, &out.v)) / length(&e.mass, &out.v);
@@ -183,8 +183,8 @@ fn every_rule_moves_alike() {
             s.measure.iter().zip(&out.measure).for_each(|(x, y)| assert!((x - y).abs() < 1e-9, "{name}"));
             assert_eq!(s.independent, out.independent);
             // −λᵀ a is the power of the drive
-            let mut dy = vec![0.0; f.dim()];
-            f.derivative(0.0, &y, &mut dy).unwrap();
+            let mut dy = vec![0.0; f.layout().dim()];
+            f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
             let terms: Vec<f64> = out.multipliers.iter().zip(&e.a).map(|(l, a)| -l * a).collect();
             let size =
                 terms.iter().map(|t| t.abs()).sum::<f64>() + length(&e.mass, &out.v) * length(&e.mass, &out.vdot);
@@ -201,18 +201,18 @@ fn renewing_keeps_the_motion() {
         let (n, m) = (e.mass.rows(), e.c.rows());
         for rule in rules() {
             let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
-            let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+            let (mut y, mut dy) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()]);
             f.start(0.0, q, v, &mut y).unwrap();
             let before = sample(&mut f, 0.0, &y);
-            f.derivative(0.0, &y, &mut dy).unwrap();
+            f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
             commit(&mut f, StepDecision::Change, 0.0, &mut y, &mut dy);
             let after = sample(&mut f, 0.0, &y);
             assert_eq!(f.history().events.len(), 2);
             assert!(f.history().events[1].reason.contains("renewed"), "{}", f.history().events[1].reason);
             let off = length(&e.mass, &minus(&before.v, &after.v)) / length(&e.mass, &before.v);
             assert!(off < 1e-12 / before.sigma, "{}: {off:e}", f.history().name);
-            let mut anew = vec![0.0; f.dim()];
-            f.derivative(0.0, &y, &mut anew).unwrap();
+            let mut anew = vec![0.0; f.layout().dim()];
+            f.rates(0.0, &y, &mut anew, Depth::Rates).unwrap();
             let (size, k) = (length(&e.mass, &before.vdot), n - m);
             let s = f.tangent();
             for j in 0..k {
@@ -354,7 +354,7 @@ fn a_name_stands_for_its_rule() {
         for (name, rule) in names.into_iter().zip(rules()) {
             assert_eq!(rule.name(), name);
             let mut f = by_name(name, system, m, &uncorrected()).unwrap();
-            let mut y = vec![0.0; f.dim()];
+            let mut y = vec![0.0; f.layout().dim()];
             f.start(0.0, q, v, &mut y).unwrap();
             let mut x = Frozen::new(system, m, rule, 0.5);
             x.start(0.0, &mut q.to_vec(), v).unwrap();
@@ -475,13 +475,13 @@ fn a_basis_that_cannot_be_renewed_stays() {
         }
         let rule = Box::new(Once(std::sync::atomic::AtomicBool::new(false)));
         let mut f = TangentVelocities::new(system, m, rule, &uncorrected());
-        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        let (mut y, mut dy) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()]);
         f.start(0.0, q, v, &mut y).unwrap();
-        f.derivative(0.0, &y, &mut dy).unwrap();
+        f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
         let (before, slope) = (y.clone(), dy.clone());
         commit(&mut f, StepDecision::Change, 0.0, &mut y, &mut dy);
         assert_eq!((&y, &dy), (&before, &slope));
-        f.derivative(0.0, &y, &mut dy).unwrap();
+        f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
         assert_eq!(dy, slope);
         assert_eq!(f.history().events.len(), 1);
         assert!(f.history().notes.iter().any(|n| n.contains("the old one was kept")), "{:?}", f.history().notes);
@@ -512,14 +512,14 @@ fn tangent_velocities_of_the_user() {
         let start = |map: &GivenTangent, v: &[f64]| {
             let options = FormulationOptions { tangent: Some(Arc::new(map.clone())), ..uncorrected() };
             let mut f = UserTangent::new(system, m, &options).unwrap();
-            let mut y = vec![0.0; f.dim()];
+            let mut y = vec![0.0; f.layout().dim()];
             f.start(0.0, q, v, &mut y).map(|()| (f, y))
         };
         let (mut f, y) = start(&good, v).unwrap();
         let mut reference = by_name("range-space", system, m, &uncorrected()).unwrap();
-        let mut whole = vec![0.0; reference.dim()];
+        let mut whole = vec![0.0; reference.layout().dim()];
         reference.start(0.0, q, v, &mut whole).unwrap();
-        let (out, s) = (sample(&mut reference, 0.0, &whole), sample(&mut f, 0.0, &y));
+        let (out, s) = (sample(&mut *reference, 0.0, &whole), sample(&mut f, 0.0, &y));
         let mc = e.c.matmul(&inverse(&e.mass)).matmul(&e.c.transpose());
         assert!(length(&e.mass, &minus(&s.v, &out.v)) < 1e-10 * length(&e.mass, &out.v));
         assert!(length(&e.mass, &minus(&s.vdot, &out.vdot)) < 1e-10 * length(&e.mass, &out.vdot));

@@ -53,7 +53,7 @@ impl Run<'_> {
             Ok(())
         };
         let go_on = &mut |_: f64| ControlFlow::Continue(());
-        let outcome = simulate(&mut f, 0.0, &q, &v, &self.t_eval, &settings, &mut sink, go_on).unwrap();
+        let outcome = simulate(&mut *f, 0.0, &q, &v, &self.t_eval, &settings, &mut sink, go_on).unwrap();
         (outcome, f.history().notes)
     }
 }

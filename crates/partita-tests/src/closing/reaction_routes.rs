@@ -11,6 +11,7 @@ use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::ExplicitClosing;
 use partita_system::formulation::Formulation;
+use partita_system::formulation::Purpose;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
@@ -24,9 +25,9 @@ fn sample(model: &Model, q: &[f64], v: &[f64], inputs: Option<&[usize]>) -> Samp
     let rank = start::analyse(model, 0.0, q).unwrap().rank;
     let options = FormulationOptions { independent: inputs.map(<[usize]>::to_vec), ..FormulationOptions::default() };
     let mut f = ExplicitClosing::new(model, rank, &options).unwrap();
-    let (mut y, mut out) = (vec![0.0; f.dim()], Output::default());
+    let (mut y, mut out) = (vec![0.0; f.layout().dim()], Output::default());
     f.start(0.0, q, v, &mut y).unwrap();
-    f.state_at(0.0, &y, &mut out).unwrap();
+    f.state_at(0.0, &y, Purpose::Look, &mut out).unwrap();
     Sample::of(&mut f, &out, &[]).unwrap()
 }
 

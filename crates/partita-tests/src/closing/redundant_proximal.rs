@@ -48,7 +48,7 @@ fn redundant_rows_do_not_shorten_the_steps() {
             };
             let go_on = &mut |_: f64| ControlFlow::Continue(());
             let v = vec![0.0; model.size().nv];
-            let outcome = simulate(&mut f, 0.0, &q, &v, &[3.0], &settings, &mut sink, go_on).unwrap();
+            let outcome = simulate(&mut *f, 0.0, &q, &v, &[3.0], &settings, &mut sink, go_on).unwrap();
             assert_eq!(outcome.status, Status::Finished, "{name}: {}", outcome.message);
             (outcome.counters.evaluations as f64, end)
         };

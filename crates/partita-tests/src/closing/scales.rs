@@ -92,7 +92,7 @@ fn answers(spec: &Spec, s: f64, formulation: &str) -> Answers {
     };
     let rest = vec![0.0; model.size().nv];
     let watch = &mut |_| ControlFlow::Continue(());
-    let outcome = simulate(&mut f, 0.0, &q, &rest, &[0.3, 1.0], &settings, &mut sink, watch).unwrap();
+    let outcome = simulate(&mut *f, 0.0, &q, &rest, &[0.3, 1.0], &settings, &mut sink, watch).unwrap();
     assert_eq!(outcome.status, Status::Finished, "{} by {s:e}: {}", spec.name, outcome.message);
     Answers {
         assembled: in_units(&model, &q, s, false),

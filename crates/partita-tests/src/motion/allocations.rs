@@ -10,9 +10,8 @@ use partita_model::spec::{Follows, Force, Friction, JointKind, Measure, Spec, Va
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::registry;
-use partita_system::formulation::FormulationSteps;
-use partita_system::formulation::{Formulation, Step, StepDecision};
+use partita_system::formulation::{registry, Depth, Findings, Formulation, Step, StepDecision};
+
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::start;
@@ -116,25 +115,31 @@ fn count(model: &Model, what: &str) {
     partita_system::kinematics::assembly::close(model, 0.0, &mut q, 1e-10, &[]).unwrap();
     let rank = start::analyse(model, 0.0, &q).unwrap().rank;
     let mut f = Projective::new(model, rank, &FormulationOptions::default());
-    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    let (mut y, mut dy) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()]);
     f.start(0.0, &q, &vec![0.0; model.size().nv], &mut y).unwrap();
     let (nq, k) = (model.size().nq, model.size().nv - rank);
     assert!(k > 0);
     let speeds: Vec<f64> = (0..k).map(|i| 0.3 + 0.1 * i as f64 / k as f64).collect();
     y[nq..nq + k].copy_from_slice(&speeds);
-    f.derivative(0.0, &y, &mut dy).unwrap();
+    f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
     let (q, mut turns) = (y[..nq].to_vec(), vec![0; nq]);
     let ((), counted) = allocations(|| {
         for i in 0..20 {
             y[nq] = 0.2 + 0.01 * f64::from(i);
             // a stage: a little off the closed position
             y[0] = q[0] + 1e-3 * f64::from(i);
-            f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
+            f.rates(1e-3 * f64::from(i), &y, &mut dy, Depth::Rates).unwrap();
             f.reduction().evaluate(0.0, &q, &speeds).unwrap();
             // corrects and evaluates the end; the scales are refreshed when it is taken, now and then
             f.trial_end(1e-3 * f64::from(i), &mut y, &mut dy, true).unwrap();
-            let mut step =
-                Step { t: 1e-3 * f64::from(i), y: &mut y, dy: &mut dy, turns: &mut turns, pace: None, located: None };
+            let mut step = Step {
+                t: 1e-3 * f64::from(i),
+                y: &mut y,
+                dy: &mut dy,
+                turns: &mut turns,
+                pace: None,
+                findings: Findings::default(),
+            };
             f.commit(StepDecision::Keep, &mut step).unwrap();
         }
     });
@@ -148,14 +153,14 @@ fn count_named(name: &str, model: &Model) {
     let rank = start::analyse(model, 0.0, &q).unwrap().rank;
     let options = FormulationOptions { baumgarte: Some((5.0, 5.0)), ..FormulationOptions::default() };
     let mut f = registry::by_name(name, model, rank, &options).unwrap();
-    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    let (mut y, mut dy) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()]);
     f.start(0.0, &q, &vec![0.0; model.size().nv], &mut y).unwrap();
-    f.derivative(0.0, &y, &mut dy).unwrap();
-    let (start, last) = (y.clone(), f.controlled() - 1);
+    f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
+    let (start, last) = (y.clone(), f.layout().controlled - 1);
     let ((), counted) = allocations(|| {
         for i in 0..20 {
             (y[0], y[last]) = (start[0] + 1e-4 * f64::from(i), start[last] + 0.01 * f64::from(i));
-            f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
+            f.rates(1e-3 * f64::from(i), &y, &mut dy, Depth::Rates).unwrap();
         }
     });
     assert_eq!(counted, 0, "{name}: {} allocations", counted);
@@ -245,9 +250,9 @@ fn equations_in_the_rates_of_actuators_allocate_nothing() {
 fn count_moving(name: &str, model: &Model, m: &Moment, what: &str) {
     let options = FormulationOptions { baumgarte: Some((5.0, 5.0)), ..FormulationOptions::default() };
     let mut f = registry::by_name(name, model, m.rank, &options).unwrap();
-    let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+    let (mut y, mut dy) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()]);
     f.start(m.t, &m.q, &m.v, &mut y).unwrap();
-    f.derivative(m.t, &y, &mut dy).unwrap();
+    f.rates(m.t, &y, &mut dy, Depth::Rates).unwrap();
     let (start, slope, mut turns) = (y.clone(), dy.clone(), vec![0; m.q.len()]);
     let holonomic = model.full.conditions.iter().all(|c| c.holonomic);
     let mut around = |count: i32| {
@@ -255,12 +260,18 @@ fn count_moving(name: &str, model: &Model, m: &Moment, what: &str) {
             // along the motion, as stages of a step are
             let h = 1e-5 * f64::from(i);
             y.iter_mut().zip(start.iter().zip(&slope)).for_each(|(y, (s, d))| *y = s + h * d);
-            f.derivative(m.t + h, &y, &mut dy).unwrap();
+            f.rates(m.t + h, &y, &mut dy, Depth::Rates).unwrap();
             // where rates alone are held, the end of a step is corrected in all velocities, with matrices of its own
             if name == "projective" && holonomic {
                 f.trial_end(m.t + h, &mut y, &mut dy, true).unwrap();
-                let mut step =
-                    Step { t: m.t + h, y: &mut y, dy: &mut dy, turns: &mut turns, pace: None, located: None };
+                let mut step = Step {
+                    t: m.t + h,
+                    y: &mut y,
+                    dy: &mut dy,
+                    turns: &mut turns,
+                    pace: None,
+                    findings: Findings::default(),
+                };
                 f.commit(StepDecision::Keep, &mut step).unwrap();
             }
         }

@@ -41,7 +41,7 @@ fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], ex
         Settings { t_end: *times.last().unwrap(), method: method::by_name(method).unwrap(), options, max_steps: 5000 };
     let (mut error, mut closure, mut next) = (0.0f64, 0.0f64, 0);
     let outcome = simulate(
-        &mut f,
+        &mut *f,
         0.0,
         &q,
         &v,

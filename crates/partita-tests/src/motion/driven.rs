@@ -8,7 +8,7 @@ use partita_model::spec::{Drive, Force, JointKind, Level, Measure, Spec, Value};
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::FormulationSteps;
+use partita_system::formulation::Formulation;
 use partita_system::kinematics::velocity;
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;

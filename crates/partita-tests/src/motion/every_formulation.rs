@@ -5,7 +5,7 @@ use crate::mechanisms::{apart, on_random_mechanisms, Moment, Wishes};
 use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_model::Model;
-use partita_system::formulation::{registry, Formulation};
+use partita_system::formulation::{registry, Depth, Formulation, Purpose};
 use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::prelude::*;
 use partita_system::record::{Output, Sample};
@@ -58,11 +58,11 @@ fn generalised(pattern: &Pattern, c: &[f64], lambda: &[f64], n: usize) -> Vec<f6
 }
 
 fn sample(f: &mut dyn Formulation, m: &Moment) -> Result<Sample, SystemError> {
-    let (mut y, mut dy, mut out) = (vec![0.0; f.dim()], vec![0.0; f.dim()], Output::default());
+    let (mut y, mut dy, mut out) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()], Output::default());
     f.start(m.t, &m.q, &m.v, &mut y)?;
-    f.derivative(m.t, &y, &mut dy)?;
+    f.rates(m.t, &y, &mut dy, Depth::Rates)?;
     assert!(dy.iter().all(|x| x.is_finite()));
-    f.state_at(m.t, &y, &mut out)?;
+    f.state_at(m.t, &y, Purpose::Look, &mut out)?;
     Sample::of(f, &out, &[])
 }
 

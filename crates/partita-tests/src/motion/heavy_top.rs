@@ -12,9 +12,7 @@ use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::motion::TangentSpace;
 use partita_system::formulation::motion::WehageHaug;
-use partita_system::formulation::registry;
-use partita_system::formulation::Formulation;
-use partita_system::formulation::FormulationSteps;
+use partita_system::formulation::{registry, Depth, Formulation};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::record::{Correction, Output, Sample};
@@ -41,7 +39,7 @@ fn top() -> Spec {
     spec
 }
 
-fn march<F: Formulation>(f: &mut F, q: &[f64], v: &[f64], at: &[f64], h: Option<f64>) -> Vec<Sample> {
+fn march(f: &mut dyn Formulation, q: &[f64], v: &[f64], at: &[f64], h: Option<f64>) -> Vec<Sample> {
     let mut outputs = Vec::new();
     let mut sink = |s: &Output| {
         outputs.push(s.clone());
@@ -162,7 +160,7 @@ fn every_form_tumbles_alike() {
     let x = march(&mut Projective::new(&relative, 0, &FormulationOptions::default()), &q0, &v0, &at, None);
     let y = march(&mut Projective::new(&absolute, 3, &FormulationOptions::default()), &q, &v, &at, None);
     let least = FormulationOptions { correction: Correction::MassOrthogonal, ..FormulationOptions::default() };
-    let z = march(&mut registry::by_name("multipliers", &absolute, 3, &least).unwrap(), &q, &v, &at, None);
+    let z = march(&mut *registry::by_name("multipliers", &absolute, 3, &least).unwrap(), &q, &v, &at, None);
     // 1e-13 a step, a few hundred steps, a tumbling top that spreads errors by some tens
     let states = [states(&relative, &x), states(&absolute, &y), states(&absolute, &z)];
     assert!(largest(&states[0], &states[1]) < 1e-9, "{:e}", largest(&states[0], &states[1]));
@@ -184,7 +182,7 @@ fn two_k_states_with_a_quaternion() {
         let options = FormulationOptions { switch_threshold, ..FormulationOptions::default() };
         let mut f = WehageHaug::new(&absolute, 3, &options).unwrap();
         // three velocities of six; one of them may bring in the quaternion with three numbers more
-        assert_eq!((f.dim(), f.controlled()), (9, 9));
+        assert_eq!((f.layout().dim(), f.layout().controlled), (9, 9));
         let samples = march(&mut f, &q, &v, &at, None);
         let off = largest(&states(&absolute, &samples), &states(&absolute, &exact));
         assert!(off < 1e-9, "{switch_threshold}: {off:e}");
@@ -210,17 +208,17 @@ fn tangent_forms_tumble_alike() {
         for (model, rank, q, v) in [(&absolute, 3, &q, &v), (&relative, 0, &q0, &v0)] {
             let make = || registry::by_name(name, model, rank, &options).unwrap();
             let mut f = make();
-            let samples = march(&mut f, q, v, &at, None);
+            let samples = march(&mut *f, q, v, &at, None);
             let off = largest(&states(model, &samples), &exact);
             assert!(off < 1e-9, "{name}, rank {rank}: {off:e}");
             if name == "tangent-space" {
-                assert_eq!(f.controlled(), 6);
+                assert_eq!(f.layout().controlled, 6);
                 let turned = f.history().events.iter().filter(|e| e.reason.contains("ball")).count();
                 // with the foot to close the basis decays about as fast as the ball turns
                 assert!(turned >= 1 && f.history().events.len() >= 5, "{:?}", f.history().events);
             }
             let errors = STEPS.map(|h| {
-                let samples = march(&mut make(), q, v, &at, Some(h));
+                let samples = march(&mut *make(), q, v, &at, Some(h));
                 samples.iter().for_each(|s| assert!(s.closure < 1e-14 && s.velocity_closure < 1e-12));
                 largest(&states(model, &samples), &exact)
             });
@@ -243,14 +241,14 @@ fn a_chart_of_turns_moves_as_its_ball_turns() {
         for size in [0.1, 0.4, 0.8] {
             y[..3].copy_from_slice(&[0.5 * size, -size, 0.7 * size]);
             let mut dy = vec![0.0; y.len()];
-            f.derivative(0.0, &y, &mut dy).unwrap();
+            f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
             let (middle, v) = (f.position().to_vec(), f.reduction().v.clone());
             // rotation and place a little further along p', against the turn by ω and the step by v
             let h = 1e-4;
             let mut along = |s: f64| {
                 let mut y = y.clone();
                 (0..3).for_each(|j| y[j] += s * dy[j]);
-                f.derivative(0.0, &y, &mut vec![0.0; y.len()]).unwrap();
+                f.rates(0.0, &y, &mut vec![0.0; y.len()], Depth::Rates).unwrap();
                 let b = bodies(model, f.position(), &v)[0];
                 b.rotation.0.into_iter().flatten().chain(b.position.0).collect::<Vec<f64>>()
             };

@@ -131,7 +131,7 @@ fn every_form_counts_the_same_turns() {
             Ok(())
         };
         let outcome =
-            simulate(&mut f, 0.0, &q, &v, &t_eval, &settings, &mut sink, &mut |_| ControlFlow::Continue(())).unwrap();
+            simulate(&mut *f, 0.0, &q, &v, &t_eval, &settings, &mut sink, &mut |_| ControlFlow::Continue(())).unwrap();
         assert_eq!(outcome.status, Status::Finished, "{name}: {}", outcome.message);
         all
     };

@@ -7,7 +7,7 @@ use partita_math::dense::{self, Matrix};
 use partita_model::{Evaluator, Model};
 use partita_system::equations::full::saddle::Saddle;
 use partita_system::formulation::motion::{FullState, Projective};
-use partita_system::formulation::Formulation;
+use partita_system::formulation::{Formulation, Purpose};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::record::{Correction, Output, Sample};
@@ -275,11 +275,11 @@ fn formulations_agree() {
         let none = Correction::None;
         let options = FormulationOptions { correction: none, ..FormulationOptions::default() };
         let mut projective = Projective::new(model, m.rank, &options);
-        let mut state = vec![0.0; projective.dim()];
+        let mut state = vec![0.0; projective.layout().dim()];
         projective.start(m.t, &m.q, &m.v, &mut state).unwrap();
         let x = sample(&mut projective, m.t, &state);
         let mut multipliers = FullState::new(model, m.rank, Box::new(Saddle::new(model.size().nv, m.rank)), &options);
-        let mut state = vec![0.0; multipliers.dim()];
+        let mut state = vec![0.0; multipliers.layout().dim()];
         multipliers.start(m.t, &m.q, &m.v, &mut state).unwrap();
         let y = sample(&mut multipliers, m.t, &state);
         // condition of M (1e5) times round-off
@@ -316,8 +316,8 @@ fn the_plane_is_a_part_of_space() {
 }
 
 /// All that a formulation tells about the state y.
-fn sample<F: Formulation>(f: &mut F, t: f64, y: &[f64]) -> Sample {
+fn sample(f: &mut dyn Formulation, t: f64, y: &[f64]) -> Sample {
     let mut output = Output::default();
-    f.state_at(t, y, &mut output).unwrap();
+    f.state_at(t, y, Purpose::Look, &mut output).unwrap();
     Sample::of(f, &output, &[]).unwrap()
 }

@@ -4,7 +4,7 @@ use crate::counting::allocations;
 use crate::mechanisms::{compile, in_space};
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
-use partita_system::formulation::registry;
+use partita_system::formulation::{registry, Depth};
 use partita_system::options::{FormulationOptions, TangentMap};
 use partita_system::prelude::*;
 use partita_system::reduction::Reduction;
@@ -39,16 +39,16 @@ fn count(model: &'static Model, what: &str) {
     let bases = ["zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt", "tangent-space", "user-tangent"];
     for name in bases.into_iter().chain(["multipliers", "sparse-multipliers"]) {
         let mut f = registry::by_name(name, model, rank, &options).unwrap();
-        let (mut y, mut dy) = (vec![0.0; f.dim()], vec![0.0; f.dim()]);
+        let (mut y, mut dy) = (vec![0.0; f.layout().dim()], vec![0.0; f.layout().dim()]);
         f.start(0.0, &q, &v, &mut y).unwrap();
-        f.derivative(0.0, &y, &mut dy).unwrap();
+        f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
         let start = y.clone();
         let ((), counted) = allocations(|| {
             for i in 0..20 {
                 // stages: a little off the closed position, at other speeds
                 y.iter_mut().zip(&start).for_each(|(y, s)| *y = s * (1.0 + 1e-5 * f64::from(i)));
                 y[0] += 1e-4 * f64::from(i);
-                f.derivative(1e-3 * f64::from(i), &y, &mut dy).unwrap();
+                f.rates(1e-3 * f64::from(i), &y, &mut dy, Depth::Rates).unwrap();
             }
         });
         assert_eq!(counted, 0, "{what}, {name}: {} allocations (nq {})", counted, size.nq);

@@ -61,7 +61,6 @@ impl Checks {
         self.trial.jump = self.jump(t, r);
         let part = drift.map_or(0.0, |(violation, distance)| in_parts(violation, distance * distance));
         self.trial.branch = Gap { part, t, row: 0 };
-        self.trial.hidden = Gap::default();
         self.trial.speed = s.iter().zip(&r.v).fold(0.0, |m, (s, v)| m.max((v / s).abs()));
     }
 
@@ -79,11 +78,6 @@ impl Checks {
         Gap { part, t, row: 0 }
     }
 
-    /// The step that is judged crosses a guard and comes back, and cannot be shortened.
-    pub(super) fn hidden(&mut self, t: f64, guard: usize) {
-        self.trial.hidden = Gap { part: 1.0, t, row: guard };
-    }
-
     /// The end of a step, at this distance from a singular position, the start at the distance `before`. What comes near and
     /// recedes without crossing one has passed it.
     fn approach(&mut self, near: Gap, before: Option<f64>, crosses: bool) {
@@ -99,8 +93,9 @@ impl Checks {
         self.trial_sizes.1
     }
 
-    /// The step that was examined is accepted.
-    pub(super) fn accept(&mut self) {
+    /// The step that was examined is accepted; `hidden` where it crossed a guard and came back.
+    pub(super) fn accept(&mut self, hidden: Option<Gap>) {
+        self.trial.hidden = hidden.unwrap_or_default();
         self.sizes = self.trial_sizes;
         (self.nearest, self.by_errors) = (self.trial_nearest, self.trial.by_errors);
         self.taken.raise(&self.trial);
@@ -117,11 +112,6 @@ impl Checks {
             false => 0.0,
         };
         self.taken.raise(&StepChecks { outputs, jump, surge, surge_rate, ..StepChecks::default() });
-    }
-
-    /// Count from here on.
-    pub(super) fn forget(&mut self) {
-        self.taken = StepChecks::default();
     }
 }
 
@@ -161,7 +151,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn output_gaps(&self, t: f64) -> Gaps {
         let r = self.tangent.seen();
         let mut found = gaps(t, r);
-        found.in_parts_of(self.watch.fastest_yet().max(r.fastest()));
+        found.in_parts_of(self.closure.fastest_yet().max(r.fastest()));
         found
     }
 
@@ -172,7 +162,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             // what rests moves within the tolerance, between the ends of steps as at them
             Some(h) => {
                 let rests = tolerance::ERROR_GROWTH * tolerance::STANDING;
-                self.watch.fastest_yet() + h * self.checks.trial_sizes.1 + rests
+                self.closure.fastest_yet() + h * self.checks.trial_sizes.1 + rests
             }
             None => f64::INFINITY,
         };

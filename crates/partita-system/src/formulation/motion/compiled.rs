@@ -4,7 +4,7 @@
 //! a step accelerations are taken from the code where they come from a recursion, since nothing else of it is looked at. Where
 //! a pivot comes near its guard, a number is not finite or an evaluation would fail, the levels decide.
 
-use super::Motion;
+use super::{Motion, Standing};
 use crate::compiled::{Compilation, CompiledCode, CompiledRates, WITHOUT};
 use crate::error::Result;
 use crate::positions::Positions;
@@ -195,8 +195,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// The rates at (t, y) by compiled code; false where the levels must evaluate them.
     #[inline]
     pub(super) fn compiled_rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> bool {
-        let beside = self.place_of_prescribed();
-        if self.monitor.crosses_next || self.looking || self.guards.waits() {
+        let beside = self.layout.beside;
+        if self.monitor.crosses_next() {
             return false;
         }
         let Some(compiled) = &mut self.compiled else { return false };
@@ -204,27 +204,27 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let Some([rates, vdot]) = compiled.evaluate(r, t, y) else { return false };
         dy[..rates.len()].copy_from_slice(rates);
         if !self.prescribed.is_empty() {
-            self.prescribed.start(rates, vdot, &mut dy[beside..]);
+            self.prescribed.pick(rates, vdot, &mut dy[beside..]);
         }
         compiled.count += 1;
         r.factorisations += u64::from(r.rank() > 0);
-        self.behind = true;
+        self.standing = Standing::Behind;
         true
     }
 
     /// All levels at the end of a step, with accelerations from the code where they come from a recursion, and the rates
     /// there if they are asked for; false, and nothing evaluated, where the levels must find them too. Where the levels are
-    /// behind, the last evaluation by code applied, and serves if it was here.
-    pub(super) fn end_by_code(&mut self, t: f64, y: &[f64], dy: Option<&mut [f64]>) -> Result<bool> {
-        let beside = self.place_of_prescribed();
-        if self.monitor.crosses_next || self.guards.waits() || !self.tangent.seen().by_clusters() {
+    /// `behind`, the last evaluation by code applied, and serves if it was here.
+    pub(super) fn end_by_code(&mut self, t: f64, y: &[f64], dy: Option<&mut [f64]>, behind: bool) -> Result<bool> {
+        let beside = self.layout.beside;
+        if self.monitor.crosses_next() || !self.tangent.seen().by_clusters() {
             return Ok(false);
         }
         let Some(compiled) = &mut self.compiled else { return Ok(false) };
         let r = self.tangent.seen();
         // without rates it is no evaluation of its own
         let asked = u64::from(dy.is_some());
-        let found = match self.behind && compiled.is_at(r, t, y) {
+        let found = match behind && compiled.is_at(r, t, y) {
             true => Some(compiled.last().0),
             false => compiled.evaluate(r, t, y),
         };
@@ -232,7 +232,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if let Some(dy) = dy {
             dy[..rates.len()].copy_from_slice(rates);
             if !self.prescribed.is_empty() {
-                self.prescribed.start(rates, vdot, &mut dy[beside..]);
+                self.prescribed.pick(rates, vdot, &mut dy[beside..]);
             }
         }
         self.vdot.copy_from_slice(vdot);

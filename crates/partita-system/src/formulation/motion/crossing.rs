@@ -1,9 +1,9 @@
 //! Singular positions during a motion: foreseen, crossed, verified, and distinguished from dead points of the choice.
 
-use super::Motion;
+use super::{Motion, Standing};
 use crate::error::CrossingOutcome;
 use crate::error::Result;
-use crate::formulation::{Side, Step};
+use crate::formulation::{Course, Passing, Point as _, Side, Step};
 use crate::positions::Positions;
 use crate::reduction::{Reduction, Sides};
 use crate::singular::change_point::{Advice, Crossing, Probe};
@@ -43,10 +43,52 @@ pub(super) struct ReplacementRows {
     pub(super) distance: f64,
 }
 
+/// Who chooses the lengths of steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pacing {
+    /// The user.
+    Fixed,
+    /// The integration, with the formulation.
+    Free,
+}
+
+/// The sides of C_D at the end of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Passage {
+    /// Those of its start.
+    Same,
+    /// Others: C_D was singular within it, the mechanism close to it.
+    Changed,
+}
+
+/// What the end of a step shows of singular positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// Nothing that speaks against it.
+    Regular,
+    /// The branch was lost, or may have been: velocities jumped where C_D was singular.
+    Lost,
+    /// Velocities jumped next to a position that cannot be crossed.
+    Jumped,
+    /// A dead point of the choice alone.
+    Spoilt,
+}
+
+/// The end of the step that was judged last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Judgement {
+    passage: Passage,
+    pub(super) shown: Shown,
+}
+
+impl Judgement {
+    const REGULAR: Self = Self { passage: Passage::Same, shown: Shown::Regular };
+}
+
 /// Motion since the last singular position, and indications of the next from the current and the last step.
 pub(super) struct CrossingMonitor {
     pub(super) crossing: Crossing,
-    pub(super) crosses_next: bool,
+    pub(super) next: Course,
     pub(super) checkpoints: Checkpoints,
     /// Start of the current step, and the end of the step that was judged.
     step_start: StepBoundary,
@@ -55,111 +97,82 @@ pub(super) struct CrossingMonitor {
     others: Option<ReplacementRows>,
     /// Margin at the start of the step under way.
     margin_before: Option<(f64, u64)>,
-    /// Whether the step length is free.
-    paced: bool,
+    pacing: Pacing,
     /// Sides of C_D there and at the end of the step that was judged.
     pub(super) sides: Sides,
     sides_ahead: Sides,
     /// At another point inside the step.
     sides_inside: Sides,
-    /// Whether C_D was singular within the step that was judged, the mechanism close to it; and did velocities jump
-    /// there.
-    flipped: bool,
-    pub(super) lost: bool,
-    /// Whether the march found one in it.
-    passed: bool,
-    /// Whether velocities jumped next to one.
-    pub(super) jumped: bool,
+    /// The end of the current step, once it was reached and judged.
+    pub(super) judgement: Option<Judgement>,
+    /// The last one of an attempt at the current step.
+    pub(super) attempted: Judgement,
     /// Where what acts changed abruptly within the steps across one.
     pub(super) abrupt: Option<f64>,
-    /// Or was it a dead point of the choice alone; how often in a row? And of redundant rows alone: those that serve.
-    pub(super) spoilt: bool,
+    /// Of redundant rows that lost rank alone: those that serve.
     pub(super) serving: Option<Vec<usize>>,
+    /// Steps in a row that were shortened for a dead point of the choice, or next to a singular position.
     pub(super) spoilt_in_a_row: u32,
-    /// Whether it came near to a singular position inside: no choice is to blame.
-    pub(super) near_inside: bool,
     /// Largest rate and acceleration at the end of the step that was judged, in characteristic displacements.
     fastest: (f64, f64),
-    /// Whether the end of the current step was reached and judged.
-    pub(super) judged: bool,
 }
 
 impl CrossingMonitor {
     pub(super) fn new(size: Size) -> Self {
         Self {
             crossing: Crossing::default(),
-            crosses_next: false,
+            next: Course::Along,
             checkpoints: Checkpoints::new(size.nq, size.nv),
             step_start: StepBoundary::new(size.nq, size.nv),
             step_end: StepBoundary::new(size.nq, size.nv),
             others: None,
             margin_before: None,
-            paced: false,
+            pacing: Pacing::Fixed,
             sides: Sides::new(size.rows),
             sides_ahead: Sides::new(size.rows),
             sides_inside: Sides::new(size.rows),
-            flipped: false,
-            lost: false,
-            passed: false,
-            jumped: false,
+            judgement: None,
+            attempted: Judgement::REGULAR,
             abrupt: None,
-            spoilt: false,
             serving: None,
             spoilt_in_a_row: 0,
-            near_inside: false,
             fastest: (0.0, 0.0),
-            judged: false,
         }
     }
-}
 
-impl CrossingMonitor {
-    /// What acts changes abruptly at t, inside the step that was judged. If that crosses a singular position, it is
-    /// repeated with another length or from another start: its nodes are too few to see what happens between them.
-    pub(super) fn is_interrupted(&mut self, t: f64) -> bool {
-        if self.crosses_next {
-            (self.abrupt, self.lost) = (Some(t), true);
-        }
-        self.crosses_next
+    /// Is the next step one across a singular position?
+    pub(super) fn crosses_next(&self) -> bool {
+        self.next == Course::Across
     }
 
-    /// Does the step that was judged pass a singular position?
-    pub(super) fn passes_a_singular_position(&self) -> bool {
-        self.flipped || self.passed || self.crosses_next || self.crossing.zero().is_some()
+    /// What the end of the step shows.
+    pub(super) fn judge(&mut self, judgement: Judgement) {
+        (self.judgement, self.attempted) = (Some(judgement), judgement);
     }
 
-    /// Is the step that was judged one across a singular position?
-    pub(super) fn crosses_now(&self) -> bool {
-        self.flipped || self.passed || self.crosses_next
+    /// The branch was lost in the step that was judged.
+    pub(super) fn lose(&mut self) {
+        self.judge(Judgement { shown: Shown::Lost, ..self.attempted });
     }
 
     /// Did C_D change sides over the step that was judged?
     pub(super) fn flipped(&self) -> bool {
-        self.flipped
+        self.attempted.passage == Passage::Changed
     }
 
-    /// A singular position was found in it. Where positions are not `closed` in every evaluation it is repeated.
-    pub(super) fn passed_unforeseen(&mut self, closed: bool) -> bool {
-        self.passed = true;
-        self.lost = !closed && !self.crossing.is_barred();
-        self.lost
+    /// Is the step that was judged one across a singular position?
+    pub(super) fn crosses_now(&self) -> bool {
+        self.flipped() || self.crosses_next()
     }
 
-    /// One was near in it, much nearer than at the ends of the step. Is it repeated with a shorter one?
-    pub(super) fn nears_unforeseen(&mut self, distance: f64, at_ends: f64) -> bool {
-        let near = distance < JUDGED_NEAR && distance < tolerance::MUCH_SMALLER * at_ends;
-        self.near_inside = near && self.spoilt_in_a_row < MOST_SPOILT;
-        self.near_inside
+    /// Does the step that was judged pass a singular position, or is one expected?
+    pub(super) fn passes_a_singular_position(&self) -> bool {
+        self.crosses_now() || self.crossing.zero().is_some()
     }
 
     /// The rate at which the distance falls at the most: by no more than the motion moves.
     pub(super) fn rate(&self) -> f64 {
         self.fastest.0
-    }
-
-    /// End of the step that was judged.
-    pub(super) fn time(&self) -> f64 {
-        self.step_end.t()
     }
 
     /// Length of the step that was judged; none before the first.
@@ -176,11 +189,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if P::CLOSED && self.k == 0 {
             return Probe::Unknown;
         }
-        if !std::mem::take(&mut self.planned_from) && self.evaluate(t, y).is_err() {
+        if self.standing != Standing::Planning && self.evaluate(t, y).is_err() {
             return Probe::Unknown;
         }
+        self.standing = Standing::Elsewhere;
         let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
-        self.moved = true;
         self.tangent.full_acceleration(&mut self.vdot);
         let v = &self.tangent.seen().v;
         let moved: Vec<f64> = v.iter().zip(&self.vdot).map(|(v, a)| ahead * (v + 0.5 * ahead * a)).collect();
@@ -264,56 +277,65 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// The end of a step, the point last evaluated: was a singular position crossed, and was the branch kept?
     pub(super) fn look_back(&mut self, t: f64) {
-        if !self.breakpoints.is_empty() {
-            let r = self.tangent.reduction();
-            let out = self.breakpoints.ends(t, r.fastest());
-            r.system.breakpoint_readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
-        }
-        if !self.guards.is_empty() {
-            let r = self.tangent.reduction();
-            let out = self.guards.end(t, r.fastest());
-            r.system.guard_readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
-        }
         self.tangent.full_acceleration(&mut self.vdot);
         let r = self.tangent.seen();
         let largest = |x: &[f64]| {
             (0..x.len()).fold(0.0, |m: f64, i| m.max(x[i].abs() / self.system.characteristic_displacement(i)))
         };
         self.monitor.fastest = (largest(&r.v), largest(&self.vdot));
-        self.monitor.judged = true;
         self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
-        (self.monitor.flipped, self.monitor.lost, self.monitor.spoilt) = (false, false, false);
-        (self.monitor.jumped, self.monitor.passed, self.monitor.near_inside) = (false, false, false);
+        self.monitor.judge(Judgement::REGULAR);
         if self.margin.is_none() {
             return;
         }
         self.tangent.sides(&mut self.monitor.sides_ahead);
-        self.monitor.flipped = self.monitor.sides.differ(&self.monitor.sides_ahead);
-        if self.monitor.flipped {
+        let mut passage = Passage::Same;
+        if self.monitor.sides.differ(&self.monitor.sides_ahead) {
             let loss = self.loss();
             if !matches!(loss, Loss::Mechanism) {
-                self.monitor.flipped = false;
-                self.monitor.spoilt = self.monitor.spoilt_in_a_row < MOST_SPOILT;
                 self.monitor.serving = if let Loss::Rows(rows) = loss { Some(rows) } else { None };
+                if self.monitor.spoilt_in_a_row < MOST_SPOILT {
+                    self.monitor.judge(Judgement { passage, shown: Shown::Spoilt });
+                }
                 return;
             }
+            passage = Passage::Changed;
         }
-        if !self.monitor.flipped && self.monitor.crossing.zero().is_some_and(|zero| zero < t) && self.stays_clear() {
+        self.monitor.judge(Judgement { passage, shown: Shown::Regular });
+        let flipped = passage == Passage::Changed;
+        if !flipped && self.monitor.crossing.zero().is_some_and(|zero| zero < t) && self.stays_clear() {
             self.monitor.crossing.forget();
         }
         if P::CLOSED {
             return; // positions on another branch are distinguished where they are solved for
         }
         // a singular position that was not foreseen is crossed by a step of its own
-        let unforeseen = self.monitor.flipped && self.monitor.crossing.zero().is_none();
-        let crosses = self.monitor.flipped || self.monitor.crossing.zero().is_some();
+        let unforeseen = flipped && self.monitor.crossing.zero().is_none();
+        let crosses = flipped || self.monitor.crossing.zero().is_some();
         let near = self.margins().into_iter().flatten().any(|m| m < JUDGED_NEAR);
-        let jumps = (crosses || near) && !self.monitor.step_start.continues_to(&self.monitor.step_end, r.scales());
+        let scales = self.tangent.seen().scales();
+        let jumps = (crosses || near) && !self.monitor.step_start.continues_to(&self.monitor.step_end, scales);
         // a step that ends in the position itself goes on by rounding alone
         let lands = self.margin.is_some_and(|m| m.0 < tolerance::LANDED);
-        self.monitor.lost = crosses && self.monitor.paced && (unforeseen || jumps || lands);
-        let lands = lands && !crosses && self.monitor.crossing.is_barred();
-        self.monitor.jumped = (jumps || lands) && !self.monitor.lost && self.monitor.paced;
+        let barred = lands && !crosses && self.monitor.crossing.is_barred();
+        let shown = match self.monitor.pacing {
+            Pacing::Free if crosses && (unforeseen || jumps || lands) => Shown::Lost,
+            Pacing::Free if jumps || barred => Shown::Jumped,
+            _ => Shown::Regular,
+        };
+        self.monitor.judge(Judgement { passage, shown });
+    }
+
+    /// Singular positions that the step that was judged may have passed unforeseen.
+    pub(super) fn passing(&self) -> Option<Passing> {
+        let at_ends = self.margins().into_iter().flatten().fold(f64::INFINITY, f64::min);
+        let barred = self.monitor.crossing.is_barred();
+        let near = match self.monitor.spoilt_in_a_row < MOST_SPOILT {
+            true => JUDGED_NEAR.min(tolerance::MUCH_SMALLER * at_ends),
+            false => 0.0,
+        };
+        let may = self.monitor.flipped() || self.may_flip_twice();
+        may.then(|| Passing { rate: self.monitor.rate(), repeats: !P::CLOSED && !barred, near })
     }
 
     /// Whether C_D may have changed sides twice over the step that was judged: the distance falls by no more than the motion
@@ -378,7 +400,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             [Some(one), Some(two)] if one + two > 0.0 => from + h * one / (one + two),
             _ => self.monitor.crossing.zero().filter(|zero| (from..t).contains(zero)).unwrap_or(from + 0.5 * h),
         };
-        self.monitor.flipped.then(between)
+        self.monitor.flipped().then(between)
     }
 
     /// Where the choice alone was singular in the step that was judged, not the mechanism, and nothing replaces it: its
@@ -414,7 +436,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// The step that was judged lost the branch: cross with another length, or from farther away.
     pub(super) fn cross_again(&mut self, step: &mut Step) -> Result<bool, SystemError> {
-        let located = step.located.and_then(|located| located.first().copied());
+        let located = step.findings.located.and_then(|located| located.first().copied());
+        let lost = self.monitor.attempted.shown == Shown::Lost;
         let zero = located
             .or_else(|| self.monitor.crossing.zero())
             .or_else(|| self.flip(self.monitor.step_end.t()))
@@ -422,10 +445,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if let Some(pace) = step.pace.as_deref_mut() {
             let advice = match self.monitor.crossing.zero() {
                 None => self.monitor.crossing.found(zero, step.t, pace),
-                Some(_) => self.monitor.crossing.again(zero, step.t, self.monitor.lost, pace),
+                Some(_) => self.monitor.crossing.again(zero, step.t, lost, pace),
             };
             if !matches!(advice, Advice::GiveUp { .. }) {
-                self.monitor.crosses_next = advice == Advice::Crossing;
+                self.monitor.next = if advice == Advice::Crossing { Course::Across } else { Course::Along };
                 self.derivative_by_levels(step.t, step.y, step.dy)?;
                 return Ok(true);
             }
@@ -437,7 +460,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         if let Some(pace) = step.pace.as_deref_mut() {
             if self.monitor.crossing.nearer(zero, step.t, pace) {
-                self.monitor.crosses_next = false;
+                self.monitor.next = Course::Along;
                 self.derivative_by_levels(step.t, step.y, step.dy)?;
                 return Ok(true);
             }
@@ -459,12 +482,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if self.observes_work {
             step.y[w] = checkpoint.work;
         }
-        let beside = self.place_of_prescribed();
-        self.prescribed.start(&q, &checkpoint.v, &mut step.y[beside..]);
+        self.prescribed.start(&q, &checkpoint.v, &mut step.y[self.layout.beside..]);
         step.turns.copy_from_slice(&checkpoint.turns);
         step.t = t;
         self.monitor.crossing.put_back(zero, pace);
-        self.monitor.crosses_next = true;
+        self.monitor.next = Course::Across;
         self.derivative_by_levels(t, step.y, step.dy)?;
         self.margin = self.tangent.margin();
         self.look_back(t);
@@ -474,11 +496,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     /// The next step begins where the one that was judged ended.
     pub(super) fn begin(&mut self) {
-        self.breakpoints.accept();
-        self.guards.accept();
         std::mem::swap(&mut self.monitor.step_start, &mut self.monitor.step_end);
         std::mem::swap(&mut self.monitor.sides, &mut self.monitor.sides_ahead);
-        (self.monitor.flipped, self.monitor.lost, self.monitor.judged) = (false, false, false);
+        (self.monitor.judgement, self.monitor.attempted) = (None, Judgement::REGULAR);
         self.monitor.abrupt = None;
         if self.tangent.choice_of_sides() != self.monitor.sides.choice() {
             self.tangent.sides(&mut self.monitor.sides); // of a choice made at the end
@@ -522,17 +542,16 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// How the integration continues from (t, y).
     pub(super) fn plan_ahead(&mut self, step: &mut Step) -> Result<bool, SystemError> {
         let Some(pace) = step.pace.take() else {
-            self.monitor.crosses_next = false;
+            self.monitor.next = Course::Along;
             return Ok(false);
         };
-        self.monitor.paced = true;
+        self.monitor.pacing = Pacing::Free;
         let (rate, acceleration) = self.monitor.fastest;
         if self.tangent.seen().rank() > 0 && rate > 0.0 {
             pace.next = pace.next.min(LONGEST_MARCH / rate);
         }
-        if let Some(longest) = self.guards.entered() {
+        if let Some(longest) = step.findings.longest {
             pace.next = self.first_inside(step, pace.next.min(longest))?;
-            self.planned_from = false;
         }
         // v h + v' h^2 / 2 = CROSSING_MOVE
         let whole = 2.0 * CROSSING_MOVE / (rate + (rate * rate + 2.0 * CROSSING_MOVE * acceleration).sqrt());
@@ -546,7 +565,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             self.probe(t, y, pace.next);
         }
         self.keep_others(t, y)?;
-        self.monitor.crosses_next = advice != Advice::Free;
+        self.monitor.next = if advice == Advice::Free { Course::Along } else { Course::Across };
         if let Advice::GiveUp { zero } = advice {
             return Err(self.not_crossed(zero));
         }

@@ -4,7 +4,7 @@ use partita_math::tolerance;
 
 /// Location of the discontinuity.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Location {
+pub(super) enum Location {
     /// Nowhere: it changes smoothly over the step.
     Smooth,
     /// Between these two times, in which it changes far more than elsewhere.
@@ -37,18 +37,18 @@ const LOCATED: f64 = 1e-9;
 const ABRUPT: f64 = 0.1;
 
 /// Halving of a step.
-pub(crate) struct Search {
+pub(super) struct Search {
     from: f64,
     to: f64,
 }
 
 impl Search {
-    pub(crate) fn new(from: f64, to: f64) -> Self {
+    pub(super) fn new(from: f64, to: f64) -> Self {
         Self { from, to }
     }
 
     /// Where the first value of `at`, 0 at the start of the step and `end` at its end, jumps.
-    pub(crate) fn jump<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, end: f64) -> Result<Location, E> {
+    pub(super) fn jump<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, end: f64) -> Result<Location, E> {
         let found = self.halve(&mut |t| Ok(at(t)?[0]), (0.0, end), tolerance::HALF_LOST * end.abs())?;
         Ok(match found {
             (Location::Within { after, .. }, by, true) => Location::Jump { t: after, by },
@@ -57,7 +57,7 @@ impl Search {
     }
 
     /// Where the second value of `at` jumps by so much that its integral over the step may miss `missed`.
-    pub(crate) fn kink<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, missed: f64) -> Result<Location, E> {
+    pub(super) fn kink<E>(&self, at: &mut impl FnMut(f64) -> Result<[f64; 2], E>, missed: f64) -> Result<Location, E> {
         let ends = (at(self.from)?[1], at(self.to)?[1]);
         Ok(self.halve(&mut |t| Ok(at(t)?[1]), ends, (missed / (self.to - self.from)).abs())?.0)
     }

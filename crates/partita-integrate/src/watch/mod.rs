@@ -1,0 +1,109 @@
+//! What may happen inside a step: one question between "the step is accurate enough" and "the step is accepted".
+//!
+//! Each watch looks at the concluded step as a [`StepView`] and lets it stand, has it end earlier, has it repeated or
+//! refuses to go on. They are asked in a stated order; the first that objects decides, and all are asked again about the
+//! step that follows from it. The formulation knows none of them: they read the system at points of the step.
+
+mod breakpoints;
+mod discontinuity;
+mod guards;
+mod prescribed;
+mod singular;
+mod singular_times;
+mod track;
+mod view;
+
+use crate::failure::StepFailure;
+use breakpoints::BreakpointWatch;
+use guards::GuardWatch;
+use partita_system::formulation::{Formulation, Repeated};
+use partita_system::SystemError;
+use prescribed::PrescribedWatch;
+use singular::SingularWatch;
+pub(crate) use singular_times::find as find_singular_times;
+pub(crate) use track::Track;
+pub(crate) use view::{Lengths, Located, StepView};
+
+/// Decision of a watch about a step.
+#[derive(Debug)]
+pub(crate) enum Look {
+    /// It may stand.
+    Clear,
+    /// It is taken anew, to end at t.
+    EndAt {
+        /// When.
+        t: f64,
+        /// Whether the slopes have a corner there.
+        corner: bool,
+    },
+    /// It is taken anew, half as long or as the formulation plans.
+    Repeat(Option<Repeated>),
+    /// The integration ends at this time.
+    Refuse(f64, SystemError),
+}
+
+/// A watch over steps.
+pub(crate) trait Watch {
+    /// May the concluded step stand as it is?
+    ///
+    /// # Errors
+    /// Where the dense output cannot be evaluated; a shorter step is tried then.
+    fn look(&mut self, step: &mut StepView) -> Result<Look, StepFailure<SystemError>>;
+    /// The step stands.
+    fn accept(&mut self, _track: &Track) {}
+}
+
+/// All watches of an integration.
+#[derive(Debug)]
+pub(crate) struct Watches {
+    pub(crate) guards: GuardWatch,
+    pub(crate) breakpoints: BreakpointWatch,
+    singular: SingularWatch,
+    pub(crate) prescribed: PrescribedWatch,
+}
+
+impl Watches {
+    /// Of a motion, with the functions that they follow.
+    pub(crate) fn new(formulation: &mut dyn Formulation) -> (Self, Track) {
+        let point = formulation.point();
+        let watched = point.watched();
+        let track = Track::new(watched.reads());
+        let watches = Self {
+            breakpoints: BreakpointWatch::new(watched.breakpoints, watched.guards.len()),
+            guards: GuardWatch::new(watched.guards),
+            singular: SingularWatch,
+            prescribed: PrescribedWatch::new(point.prescribing()),
+        };
+        (watches, track)
+    }
+
+    /// The first objection to the concluded step.
+    ///
+    /// # Errors
+    /// See [`Watch::look`].
+    pub(crate) fn look(&mut self, step: &mut StepView) -> Result<Look, StepFailure<SystemError>> {
+        let Self { guards, breakpoints, singular, prescribed } = self;
+        let all: [&mut dyn Watch; 4] = [guards, breakpoints, singular, prescribed];
+        for watch in all {
+            match watch.look(step)? {
+                Look::Clear => {}
+                objection => return Ok(objection),
+            }
+        }
+        Ok(Look::Clear)
+    }
+
+    /// An integration begins where the track does.
+    pub(crate) fn accept_start(&mut self, track: &Track) {
+        self.guards.accept(track);
+        self.breakpoints.accept(track);
+    }
+
+    /// The concluded step stands.
+    pub(crate) fn accept(&mut self, track: &mut Track) {
+        let Self { guards, breakpoints, singular, prescribed } = self;
+        let all: [&mut dyn Watch; 4] = [guards, breakpoints, singular, prescribed];
+        all.into_iter().for_each(|watch| watch.accept(track));
+        track.accept();
+    }
+}
