@@ -443,13 +443,14 @@ impl March {
         if let Control::Free { .. } = self.control {
             *attempts = MOST_ATTEMPTS;
         }
+        let mut last = None;
         loop {
             if *attempts == 0 {
                 let step = self.stepper.current();
-                return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last: None });
+                return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last });
             }
             *attempts -= 1;
-            let Some(end) = self.concluded(formulation)? else { continue };
+            let Some(end) = self.concluded(formulation, &mut last)? else { continue };
             if end.decision == StepDecision::Repeat {
                 self.repeat(formulation, None)?;
                 continue;
@@ -457,7 +458,7 @@ impl March {
             self.refuse_tick_at_singular_position(&end)?;
             let mut hidden = None;
             let looked = self.look(formulation, &end, &mut hidden);
-            if let Fate::Again = self.carry_out(formulation, looked)? {
+            if let Fate::Again = self.carry_out(formulation, looked, &mut last)? {
                 continue;
             }
             match self.outputs(formulation, outputs) {
@@ -470,8 +471,12 @@ impl March {
         }
     }
 
-    /// Attempt and conclude the step under way; none where another attempt follows.
-    fn concluded(&mut self, formulation: &mut dyn Formulation) -> Result<Option<TrialEnd>, StepFailure<SystemError>> {
+    /// Attempt and conclude the step under way; none where another attempt follows, with the `last` reason if there is one.
+    fn concluded(
+        &mut self,
+        formulation: &mut dyn Formulation,
+        last: &mut Option<SystemError>,
+    ) -> Result<Option<TrialEnd>, StepFailure<SystemError>> {
         let (course, lengths) = (self.course, self.lengths);
         let mut end = TrialEnd::undecided(StepDecision::Keep);
         let attempted = self.attempt(formulation);
@@ -479,10 +484,13 @@ impl March {
         let stepper = self.active();
         let concluded = attempted.and_then(|()| {
             stepper.conclude(&mut |t, y, dy, known| {
-                end = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
-                    // no shorter step is allowed that could distinguish a jump from a drift
-                    SystemError::Jump { .. } if lengths == Lengths::Fixed => RhsError::Fatal(e),
-                    e => sorted(e),
+                end = formulation.trial_end(t, y, dy, known).map_err(|e| {
+                    *last = Some(e.clone());
+                    match e {
+                        // no shorter step is allowed that could distinguish a jump from a drift
+                        SystemError::Jump { .. } if lengths == Lengths::Fixed => RhsError::Fatal(e),
+                        e => sorted(e),
+                    }
                 })?;
                 Ok(end.evaluated)
             })
@@ -564,6 +572,7 @@ impl March {
         &mut self,
         formulation: &mut dyn Formulation,
         looked: Result<Look, StepFailure<SystemError>>,
+        last: &mut Option<SystemError>,
     ) -> Result<Fate, StepFailure<SystemError>> {
         let may_shrink = self.active().current().may_shrink;
         match looked {
@@ -577,8 +586,14 @@ impl March {
             Ok(Look::EndAt { t, corner: false }) => self.active().end_at(t),
             Ok(Look::Repeat(None)) => self.active().reject(0.5),
             Ok(Look::Repeat(why)) => self.repeat(formulation, why)?,
-            Err(StepFailure::Interpolation { .. }) if may_shrink => self.active().reject(0.5),
-            Err(StepFailure::Rhs { error, .. }) if may_shrink && error.is_local() => self.active().reject(0.5),
+            Err(StepFailure::Interpolation { error, .. }) if may_shrink => {
+                *last = Some(error);
+                self.active().reject(0.5);
+            }
+            Err(StepFailure::Rhs { error, .. }) if may_shrink && error.is_local() => {
+                *last = Some(error);
+                self.active().reject(0.5);
+            }
             Err(failure) => return Err(failure),
         }
         Ok(Fate::Again)

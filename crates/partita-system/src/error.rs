@@ -28,7 +28,7 @@ pub enum CrossingOutcome {
 }
 
 /// Why a system could not be evaluated.
-#[derive(Debug, Error)]
+#[derive(Clone, Debug, Error)]
 pub enum SystemError {
     /// The constraint matrix lost rank here.
     #[error(
