@@ -45,8 +45,7 @@ impl Model {
         if moves || choice.packed {
             out.extend(&x.vdot);
         }
-        let pivot = |i: usize| choice.plan.map_or(Recorder::one(), |plan| plan.reciprocal(&x.factors, i));
-        out.extend((0..choice.rows.len()).map(pivot));
+        out.extend(x.reciprocal_pivots());
         let mut excess = Recorder::beyond();
         // of the first pivot of M_d a number that is not finite tells
         for (md, factor) in x.md.iter().zip(&x.md_factor).step_by(k + 1).skip(1) {

@@ -12,7 +12,6 @@
 //! Each function is recorded for one choice of coordinates, made at one position; it returns 1 where that choice or its
 //! branch does not serve.
 
-use crate::chosen_levels::ChosenLevels;
 use crate::evaluator::Evaluator;
 use crate::freed::Along;
 use crate::loop_closure::STRAIGHT;
@@ -21,8 +20,8 @@ use crate::spin;
 use partita_math::scalar::{c_head, Numbers, Recorder, Recording, Scalar};
 use partita_system::closing::Closing;
 use partita_system::prelude::*;
-use partita_system::rates::{Evaluation, LevelsOver};
-use partita_system::reduction::{Choice, Reduction};
+use partita_system::rates::LevelsOver;
+use partita_system::reduction::Reduction;
 use partita_system::system::Tangent;
 use partita_system::{start, SystemError};
 
@@ -72,11 +71,6 @@ fn recorder(model: &Model) -> Result<Evaluator<Recorder>, SystemError> {
     model.over::<Recorder>().map_err(|e| SystemError::argument("mechanism", e.to_string()))
 }
 
-/// By how much a pivot of C_D lies outside its range.
-fn excess(choice: &Choice, factors: &[Recorder]) -> Recorder {
-    choice.plan.map_or(-Recorder::one(), |plan| plan.excess(factors))
-}
-
 impl Model {
     /// `int NAME_accelerations(double t, const double q[], const double v[], double vdot[])` in the coordinates that are
     /// best at (t, q); v as the constraints allow.
@@ -99,7 +93,7 @@ impl Model {
             let (q, v) = (&x[1..1 + size.nq], &x[1 + size.nq..]);
             let u: Vec<Recorder> = choice.independent.iter().map(|&i| v[i]).collect();
             out.levels(x[0], q, &u)?;
-            let excess = excess(&choice, &out.factors);
+            let excess = out.excess();
             Ok(out.vdot.into_iter().chain([excess]).collect())
         })
     }
@@ -254,11 +248,6 @@ impl<'m> Inputs<'m> {
         Ok(CFunction { name: name.to_string(), head, text, operations: STRAIGHT * made.operations })
     }
 
-    /// For recorded coordinates.
-    fn evaluation(&self) -> Evaluation<'_, Recorder, ChosenLevels<'_, Recorder>> {
-        self.model.evaluation(&self.e, self.reduction.choice())
-    }
-
     /// Rates of the wanted velocities per rate of each named one.
     fn jacobian(&self, name: &str, wanted: &[usize]) -> Result<CFunction, SystemError> {
         let (k, n) = (self.reduction.choice().columns, self.named.len());
@@ -268,11 +257,11 @@ impl<'m> Inputs<'m> {
             outputs: vec![Numbers::array("jacobian", wanted.len() * n)],
         };
         function.record(|q| {
-            let mut x = self.evaluation();
+            let mut x = self.model.evaluation(&self.e, self.reduction.choice());
             x.position(Recorder::from_f64(self.t), q)?;
             let columns = self.columns();
             let rows = wanted.iter().flat_map(|&i| columns.iter().map(move |&c| i * k + c));
-            Ok(rows.map(|at| x.dt[at]).chain([excess(&self.reduction.choice(), &x.factors)]).collect())
+            Ok(rows.map(|at| x.dt[at]).chain([x.excess()]).collect())
         })
     }
 
@@ -287,8 +276,8 @@ impl<'m> Inputs<'m> {
             outputs: vec![Numbers::array("inertia", n * n), Numbers::array("lengths2", n)],
         };
         function.record(|q| {
-            let (t, memory) = (Recorder::from_f64(self.t), |n: usize| vec![Recorder::zero(); n]);
-            let (mut x, rest) = (self.evaluation(), memory(nv));
+            let (t, rest) = (Recorder::from_f64(self.t), vec![Recorder::zero(); nv]);
+            let mut x = self.model.evaluation(&self.e, self.reduction.choice());
             self.e.look(q, &rest, &mut x.of.s);
             let length2 =
                 |&i| freed.length2(&self.e, (t, q), &x.of.s, std::iter::once((Along::Velocity(i), Recorder::one())));
@@ -315,7 +304,7 @@ impl<'m> Inputs<'m> {
                 }
             }
             let entry = |at: usize| m[(k - n + at / n) * k + k - n + at % n];
-            Ok((0..n * n).map(entry).chain(lengths2).chain([excess(&self.reduction.choice(), &x.factors)]).collect())
+            Ok((0..n * n).map(entry).chain(lengths2).chain([x.excess()]).collect())
         })
     }
 }

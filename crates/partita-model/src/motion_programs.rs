@@ -89,25 +89,21 @@ impl Model {
             })?;
             Ok::<_, DescriptionError>(Program::new(&made, first..inputs))
         };
-        let pivots = |factors: &[Recorder]| {
-            let pivot = |k: usize| choice.plan.map_or(Recorder::one(), |plan| plan.signed_pivot(factors, k));
-            (0..choice.rows.len()).map(pivot).collect::<Vec<_>>()
-        };
+        let inverted = |x: Recorder| Recorder::one() / x;
         Ok(MotionPrograms {
             rates: record(&|e, t, q, u| {
                 let (mut x, mut slope) = (self.evaluation(e, choice), vec![Recorder::zero(); nq + k]);
                 x.rates(t, q, u, &mut slope)?;
-                Ok([slope, pivots(&x.factors)].concat())
+                Ok(slope.into_iter().chain(x.reciprocal_pivots().map(inverted)).collect())
             })?,
             end: record(&|e, t, q, u| {
                 e.normalise(q);
                 let (mut x, mut slope) = (self.evaluation(e, choice), vec![Recorder::zero(); nq + k]);
                 x.correct(t, q)?;
                 x.rates(t, q, u, &mut slope)?;
-                let columns = choice.columns;
-                let a = choice.dependent.iter().flat_map(|&i| x.dt[i * columns..][..columns].to_vec());
-                let a: Vec<Recorder> = a.collect();
-                Ok([q.to_vec(), slope, x.v, a, pivots(&x.factors), vec![self.open(&x.phi)]].concat())
+                let a = choice.dependent.iter().flat_map(|&i| &x.dt[i * choice.columns..][..choice.columns]);
+                let found = q.iter().chain(&slope).chain(&x.v).chain(a).copied();
+                Ok(found.chain(x.reciprocal_pivots().map(inverted)).chain([self.open(&x.phi)]).collect())
             })?,
             output: record(&|e, t, q, u| {
                 e.normalise(q);

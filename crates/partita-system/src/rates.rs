@@ -12,6 +12,7 @@ use crate::choice::Choice;
 use crate::error::Result;
 use crate::system::{ClusterTangent, Levels, Manifold, Size, Tangent};
 use partita_math::dense;
+use partita_math::elimination::Plan;
 use partita_math::scalar::Scalar;
 
 /// What rates ask of a system besides its accelerations, after its levels.
@@ -215,6 +216,17 @@ impl<'c, N: Scalar, L: LevelsOver<N>> Evaluation<'c, N, L> {
         }
         self.of.step(q, dv);
         Ok(())
+    }
+
+    /// 1 / pivots of C_D, in the order of the elimination.
+    pub fn reciprocal_pivots(&self) -> impl Iterator<Item = N> + use<'_, 'c, N, L> {
+        let of = move |plan: &'c Plan| (0..plan.rank()).map(move |i| plan.reciprocal(&self.factors, i));
+        self.choice.plan.into_iter().flat_map(of)
+    }
+
+    /// Above 0 where one of them is outside its range.
+    pub fn excess(&self) -> N {
+        self.choice.plan.map_or(-N::one(), |plan| plan.excess(&self.factors))
     }
 
     /// [`rates`] at (t, q, v_I).
