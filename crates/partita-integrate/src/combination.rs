@@ -46,18 +46,23 @@ impl Row {
         self.terms.copy_from_slice(&other.terms);
     }
 
-    /// `Σ w_j k_j` on the tile that begins at component `at`, for stages laid one after another, `stride` numbers each.
+    /// `Σ w_j k_j` for a tile of each stage.
     #[inline(always)]
-    pub(crate) fn tile(&self, stages: &[f64], stride: usize, at: usize) -> [f64; TILE] {
+    pub(crate) fn sum<'a>(&self, stage: impl Fn(usize) -> &'a [f64]) -> [f64; TILE] {
         let mut sum = [0.0; TILE];
         for term in &self.terms {
-            let begin = term.slot * stride + at;
-            let k = &stages[begin..begin + TILE];
+            let k = &stage(term.slot)[..TILE];
             for lane in 0..TILE {
                 sum[lane] += term.weight * k[lane];
             }
         }
         sum
+    }
+
+    /// `Σ w_j k_j` on the tile that begins at component `at`, for stages laid one after another, `stride` numbers each.
+    #[inline(always)]
+    pub(crate) fn tile(&self, stages: &[f64], stride: usize, at: usize) -> [f64; TILE] {
+        self.sum(|slot| &stages[slot * stride + at..])
     }
 
     /// `out = base + h Σ w_j k_j`, all padded. The sum comes first: it rounds at the size of the increment.

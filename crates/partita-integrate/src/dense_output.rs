@@ -26,8 +26,8 @@ pub(crate) struct ExtraStage {
 /// The stages and rows of a table.
 #[derive(Clone, Debug)]
 pub(crate) struct DenseRows {
-    extra: Vec<ExtraStage>,
-    rows: Vec<Row>,
+    pub(crate) extra: Vec<ExtraStage>,
+    pub(crate) rows: Vec<Row>,
 }
 
 impl DenseRows {
@@ -38,6 +38,27 @@ impl DenseRows {
             .collect();
         Self { extra, rows: dense.weights.iter().map(|row| Row::new(row)).collect() }
     }
+}
+
+/// F0, F1, F2 of a component.
+#[inline(always)]
+pub(crate) fn hermite(h: f64, [y_old, y_new]: [f64; 2], [f_old, f_new]: [f64; 2]) -> [f64; 3] {
+    let delta = y_new - y_old;
+    [delta, h * f_old - delta, 2.0 * delta - h * (f_old + f_new)]
+}
+
+/// `F0 + (1−θ) (F1 + θ (F2 + …))` for some components, up to the last F.
+#[inline(always)]
+pub(crate) fn nested<'a, const N: usize>(theta: f64, last: usize, f: impl Fn(usize) -> &'a [f64]) -> [f64; N] {
+    let mut sum = [0.0; N];
+    for j in (0..=last).rev() {
+        let factor = if j % 2 == 0 { 1.0 - theta } else { theta };
+        let f = &f(j)[..N];
+        for lane in 0..N {
+            sum[lane] = f[lane] + factor * sum[lane];
+        }
+    }
+    sum
 }
 
 /// Coefficients `F` of one step, and whether they have been computed.
@@ -80,10 +101,7 @@ impl DenseOutput {
         let (f1, rest) = rest.split_at_mut(n);
         let (f2, rest) = rest.split_at_mut(n);
         for i in 0..n {
-            let delta = y_new[i] - y_old[i];
-            f0[i] = delta;
-            f1[i] = h * f_old[i] - delta;
-            f2[i] = 2.0 * delta - h * (f_old[i] + f_new[i]);
+            [f0[i], f1[i], f2[i]] = hermite(h, [y_old[i], y_new[i]], [f_old[i], f_new[i]]);
         }
         // a mechanism without a degree of freedom has a state without components
         for (row, f) in self.table.rows.iter().zip(rest.chunks_exact_mut(n.max(1))) {
@@ -98,14 +116,7 @@ impl DenseOutput {
         for (i, out) in out.chunks_mut(TILE).enumerate() {
             let at = i * TILE;
             let tile = |j: usize| &self.coefficients[j * self.stride + at..j * self.stride + at + TILE];
-            let mut sum = [0.0; TILE];
-            for j in (0..=last).rev() {
-                let factor = if j % 2 == 0 { 1.0 - theta } else { theta };
-                let f = tile(j);
-                for lane in 0..TILE {
-                    sum[lane] = f[lane] + factor * sum[lane];
-                }
-            }
+            let sum: [f64; TILE] = nested(theta, last, tile);
             for (lane, out) in out.iter_mut().enumerate() {
                 *out = y_old[at + lane] + theta * sum[lane];
             }

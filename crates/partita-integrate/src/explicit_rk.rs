@@ -5,7 +5,7 @@
 mod access;
 mod fixed_grid;
 mod memory;
-mod method;
+pub(crate) mod method;
 mod obstacles;
 
 use self::fixed_grid::FixedGrid;

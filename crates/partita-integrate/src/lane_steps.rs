@@ -1,20 +1,17 @@
 //! Steps of an explicit Runge–Kutta method for many members side by side, each with its own time and length.
 //!
-//! The arithmetic of [`ExplicitRungeKutta`](crate::explicit_rk::ExplicitRungeKutta), lane by lane: the same tableau, the same
-//! order of the sums, the same error norm. Whoever drives the lanes evaluates the slopes, and decides on each lane.
+//! The arithmetic of [`ExplicitRungeKutta`](crate::explicit_rk::ExplicitRungeKutta), lane by lane: its rows, its sums, its error
+//! norm, its dense output. Whoever drives the lanes evaluates the slopes, and decides on each lane.
 
+use crate::combination::Row;
+use crate::dense_output::{hermite, nested, DenseRows};
+use crate::explicit_rk::method::{of_both, prepared, Method};
 use crate::options::Options;
-use crate::step_size::{ErrorNorm, ERROR_MARGIN};
-use crate::tableau::{ErrorWeights, Tableau};
+use crate::step_size::{enlarge, ErrorNorm};
+use crate::tableau::Tableau;
 use partita_math::scalar::Lanes;
 use partita_math::wide::{widely, Kernel};
-
-/// Slots and weights of a row, zeros omitted.
-type Terms = Vec<(usize, f64)>;
-
-fn terms(weights: &[f64]) -> Terms {
-    weights.iter().copied().enumerate().filter(|(_, w)| *w != 0.0).collect()
-}
+use std::borrow::Cow;
 
 /// Lane l of a number.
 #[inline(always)]
@@ -33,11 +30,8 @@ pub fn lane_mut<const G: usize>(x: &mut [Lanes; G], l: usize) -> &mut f64 {
 pub struct LaneSteps<const G: usize> {
     tableau: &'static Tableau,
     dim: usize,
-    rows: Vec<Terms>,
-    end: Terms,
-    errors: [Terms; 2],
-    extra: Vec<Terms>,
-    dense: Vec<Terms>,
+    method: Cow<'static, Method>,
+    dense: Cow<'static, DenseRows>,
     norm: ErrorNorm,
     /// State at the start of the step, and at its end.
     pub y: Vec<[Lanes; G]>,
@@ -54,7 +48,7 @@ pub struct LaneSteps<const G: usize> {
 
 /// `out = base + h Σ w_j k_j`, or `h Σ w_j k_j` without a base.
 struct Combination<'a, const G: usize> {
-    terms: &'a [(usize, f64)],
+    row: &'a Row,
     stages: &'a [[Lanes; G]],
     h: &'a [Lanes; G],
     base: Option<&'a [[Lanes; G]]>,
@@ -68,16 +62,10 @@ impl<const G: usize> Kernel for Combination<'_, G> {
         let dim = self.out.len();
         for (i, out) in self.out.iter_mut().enumerate() {
             for g in 0..G {
-                let mut sum = Lanes::default();
-                for &(slot, weight) in self.terms {
-                    let k = &self.stages[slot * dim + i][g].0;
-                    for l in 0..Lanes::COUNT {
-                        sum.0[l] += weight * k[l];
-                    }
-                }
+                let sum = self.row.sum(|slot| &self.stages[slot * dim + i][g].0);
                 for l in 0..Lanes::COUNT {
                     let base = self.base.map_or(0.0, |base| base[i][g].0[l]);
-                    out[g].0[l] = base + self.h[g].0[l] * sum.0[l];
+                    out[g].0[l] = base + self.h[g].0[l] * sum[l];
                 }
             }
         }
@@ -86,12 +74,11 @@ impl<const G: usize> Kernel for Combination<'_, G> {
 
 /// For both rows, the largest `(Σ w_j k_j / tolerance)²`.
 struct Errors<'a, const G: usize> {
-    rows: &'a [Terms; 2],
+    rows: &'a [Row; 2],
     stages: &'a [[Lanes; G]],
     y: &'a [[Lanes; G]],
     y_new: &'a [[Lanes; G]],
-    atol: &'a [f64],
-    rtol: f64,
+    norm: &'a ErrorNorm,
 }
 
 impl<const G: usize> Kernel for Errors<'_, G> {
@@ -102,22 +89,10 @@ impl<const G: usize> Kernel for Errors<'_, G> {
         let mut squares = [[Lanes::default(); G]; 2];
         for i in 0..dim {
             for g in 0..G {
-                let (a, b) = (&self.y[i][g].0, &self.y_new[i][g].0);
-                for (terms, squares) in self.rows.iter().zip(&mut squares) {
-                    let mut sum = Lanes::default();
-                    for &(slot, weight) in terms {
-                        let k = &self.stages[slot * dim + i][g].0;
-                        for l in 0..Lanes::COUNT {
-                            sum.0[l] += weight * k[l];
-                        }
-                    }
-                    for l in 0..Lanes::COUNT {
-                        let scale = self.atol[i] + self.rtol * a[l].abs().max(b[l].abs());
-                        let e = sum.0[l] / scale.max(f64::MIN_POSITIVE);
-                        let (e2, known) = (e * e, squares[g].0[l]);
-                        // a NaN must not hide behind a comparison
-                        squares[g].0[l] = if e2 <= known { known } else { e2 };
-                    }
+                let tolerance = self.norm.tolerances_in_lanes(i, (&self.y[i][g].0, &self.y_new[i][g].0));
+                for (row, squares) in self.rows.iter().zip(&mut squares) {
+                    let error = row.sum(|slot| &self.stages[slot * dim + i][g].0);
+                    enlarge(&mut squares[g].0, &error, &tolerance);
                 }
             }
         }
@@ -133,23 +108,21 @@ impl<const G: usize> LaneSteps<G> {
     /// method that estimates its error otherwise than DOP853.
     pub fn new(tableau: &'static Tableau, options: &Options, sizes: &[f64]) -> Option<Self> {
         let dim = sizes.len();
-        let ErrorWeights::FifthAndThird { fifth, third } = &tableau.error else { return None };
+        let (method, dense) = prepared(tableau);
+        method.both()?;
         let mut norm = ErrorNorm::new(options, None, dim, dim);
         norm.set_sizes(sizes);
         let zeros = |n: usize| vec![[Lanes::default(); G]; n];
         Some(Self {
             dim,
-            rows: tableau.a.iter().map(|row| terms(row)).collect(),
-            end: terms(tableau.b),
-            errors: [terms(fifth), terms(third)],
-            extra: tableau.dense.a.iter().map(|row| terms(row)).collect(),
-            dense: tableau.dense.weights.iter().map(|row| terms(row)).collect(),
+            coefficients: zeros(dim * (3 + dense.rows.len())),
+            method,
+            dense,
             norm,
             y: zeros(dim),
             y_new: zeros(dim),
             stages: zeros(dim * tableau.slots()),
             h: [Lanes::default(); G],
-            coefficients: zeros(dim * (3 + tableau.dense.weights.len())),
             one: [vec![0.0; dim], vec![0.0; dim]],
             tableau,
         })
@@ -171,9 +144,8 @@ impl<const G: usize> LaneSteps<G> {
     }
 
     /// Additional stages of dense output: slot and node.
-    pub fn extra(&self) -> impl Iterator<Item = (usize, f64)> {
-        let first = self.tableau.end_slot() + 1;
-        self.tableau.dense.nodes.iter().enumerate().map(move |(i, c)| (first + i, *c))
+    pub fn extra(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.dense.extra.iter().map(|stage| (stage.slot, stage.node))
     }
 
     /// Slope of a slot.
@@ -183,33 +155,25 @@ impl<const G: usize> LaneSteps<G> {
 
     /// State at which a stage is evaluated.
     pub fn at_stage(&mut self, stage: usize, out: &mut [[Lanes; G]]) {
-        let (terms, stages, h) = (&self.rows[stage], &self.stages, &self.h);
-        widely(Combination { terms, stages, h, base: Some(&self.y), out });
+        let (row, stages, h) = (&self.method.stages[stage], &self.stages, &self.h);
+        widely(Combination { row, stages, h, base: Some(&self.y), out });
     }
 
     /// State at which an additional stage of dense output is evaluated.
     pub fn at_extra(&mut self, slot: usize, out: &mut [[Lanes; G]]) {
-        let (terms, stages, h) = (&self.extra[slot - self.tableau.end_slot() - 1], &self.stages, &self.h);
-        widely(Combination { terms, stages, h, base: Some(&self.y), out });
+        let extra = &self.dense.extra[slot - self.tableau.end_slot() - 1];
+        let (row, stages, h) = (&extra.row, &self.stages, &self.h);
+        widely(Combination { row, stages, h, base: Some(&self.y), out });
     }
 
     /// The end of the steps, into `y_new`; returns their errors, with their margin, in units of the tolerance.
     pub fn finish(&mut self) -> [Lanes; G] {
         let (stages, h) = (&self.stages, &self.h);
-        widely(Combination { terms: &self.end, stages, h, base: Some(&self.y), out: &mut self.y_new });
-        let (atol, rtol) = self.norm.tolerances();
-        let (y, y_new) = (&self.y[..], &self.y_new[..]);
-        let [fifth, third] = widely(Errors { rows: &self.errors, stages, y, y_new, atol: &atol[..self.dim], rtol });
-        std::array::from_fn(|g| {
-            Lanes::from_fn(|l| {
-                let (fifth, sum) = (fifth[g].0[l], fifth[g].0[l] + 0.01 * third[g].0[l]);
-                if sum == 0.0 {
-                    0.0
-                } else {
-                    ERROR_MARGIN * self.h[g].0[l].abs() * fifth / sum.sqrt()
-                }
-            })
-        })
+        widely(Combination { row: &self.method.end, stages, h, base: Some(&self.y), out: &mut self.y_new });
+        let rows = self.method.both().expect("a method without two estimates has no lanes");
+        let (y, y_new, norm) = (&self.y[..], &self.y_new[..], &self.norm);
+        let [fifth, third] = widely(Errors { rows, stages, y, y_new, norm });
+        std::array::from_fn(|g| Lanes::from_fn(|l| of_both(self.h[g].0[l], fifth[g].0[l], third[g].0[l])))
     }
 
     /// The steps of these lanes are taken.
@@ -229,28 +193,23 @@ impl<const G: usize> LaneSteps<G> {
         for i in 0..n {
             for g in 0..G {
                 for l in 0..Lanes::COUNT {
-                    let (h, y, y_new) = (self.h[g].0[l], self.y[i][g].0[l], self.y_new[i][g].0[l]);
-                    let (f_old, f_new) = (self.stages[i][g].0[l], self.stages[end + i][g].0[l]);
-                    let delta = y_new - y;
-                    self.coefficients[i][g].0[l] = delta;
-                    self.coefficients[n + i][g].0[l] = h * f_old - delta;
-                    self.coefficients[2 * n + i][g].0[l] = 2.0 * delta - h * (f_old + f_new);
+                    let between = [&self.y[i], &self.y_new[i]].map(|y| y[g].0[l]);
+                    let slopes = [i, end + i].map(|i| self.stages[i][g].0[l]);
+                    for (j, f) in hermite(self.h[g].0[l], between, slopes).into_iter().enumerate() {
+                        self.coefficients[j * n + i][g].0[l] = f;
+                    }
                 }
             }
         }
-        for (terms, out) in self.dense.iter().zip(self.coefficients[3 * n..].chunks_exact_mut(n.max(1))) {
-            widely(Combination { terms, stages: &self.stages, h: &self.h, base: None, out });
+        for (row, out) in self.dense.rows.iter().zip(self.coefficients[3 * n..].chunks_exact_mut(n.max(1))) {
+            widely(Combination { row, stages: &self.stages, h: &self.h, base: None, out });
         }
     }
 
     /// Component i of the state of lane l at this part of its step.
     pub fn dense(&self, l: usize, i: usize, theta: f64) -> f64 {
-        let last = 2 + self.dense.len();
-        let mut sum = 0.0;
-        for j in (0..=last).rev() {
-            let factor = if j % 2 == 0 { 1.0 - theta } else { theta };
-            sum = lane(&self.coefficients[j * self.dim + i], l) + factor * sum;
-        }
+        let f = |j: usize| &self.coefficients[j * self.dim + i][l / Lanes::COUNT].0[l % Lanes::COUNT..];
+        let [sum] = nested(theta, 2 + self.dense.rows.len(), f);
         lane(&self.y[i], l) + theta * sum
     }
 

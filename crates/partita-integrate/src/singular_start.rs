@@ -92,21 +92,6 @@ impl<'a, 's, S: ConstrainedSystem> OnBranch<'a, 's, S> {
         Self { r, v: Vec::new(), shift: Vec::new() }
     }
 
-    /// dE/dt that is not the work of conservative forces, at the point last evaluated.
-    fn power(&mut self, t: f64, q: &[f64], vdot: &[f64]) -> Result<f64, SystemError> {
-        let r = &mut *self.r;
-        let mut power = 0.0;
-        if r.system.has_power() {
-            power += r.system.power(t, q, &r.v, &mut r.scratch)?;
-        }
-        if r.system.rheonomic() {
-            let mut residual = vec![0.0; vdot.len()];
-            r.system.inverse_dynamics(t, q, &r.v, vdot, &mut r.scratch, &mut residual)?;
-            power += residual.iter().zip(&r.gamma).map(|(x, g)| x * g).sum::<f64>();
-        }
-        Ok(power)
-    }
-
     fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), SystemError> {
         let (nq, work) = (self.r.system.size().nq, y.len() - 1);
         let mut q = y[..nq].to_vec();
@@ -116,13 +101,8 @@ impl<'a, 's, S: ConstrainedSystem> OnBranch<'a, 's, S> {
         self.shift.clear();
         self.shift.extend(q.iter().zip(y).map(|(q, p)| q - p));
         self.r.evaluate(t, &q, &y[nq..work])?;
-        let mut vdot = vec![0.0; self.r.v.len()];
-        self.r.full_acceleration(&mut vdot);
-        self.r.system.rate(&q, &self.r.v, &mut dy[..nq]);
-        dy[nq..work].iter_mut().zip(&self.r.partition.independent).for_each(|(to, &i)| *to = vdot[i]);
         self.v.push(self.r.v.clone());
-        dy[work] = self.power(t, &q, &vdot)?;
-        Ok(())
+        self.r.rates(t, &q, dy)
     }
 }
 

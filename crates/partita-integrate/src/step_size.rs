@@ -121,6 +121,17 @@ struct Observed {
     reference: f64,
 }
 
+/// The larger of these squares and those of errors in units of their tolerances.
+#[inline(always)]
+pub(crate) fn enlarge(squares: &mut [f64; TILE], error: &[f64; TILE], tolerance: &[f64; TILE]) {
+    for lane in 0..TILE {
+        let e = error[lane] / tolerance[lane];
+        // a NaN must not hide behind a comparison
+        let e2 = e * e;
+        squares[lane] = if e2 <= squares[lane] { squares[lane] } else { e2 };
+    }
+}
+
 impl ErrorNorm {
     /// Norm for an equation of dimension `dim`, with an observed component behind the controlled ones; `stride` is the padded
     /// length.
@@ -189,12 +200,7 @@ impl ErrorNorm {
             for (row, squares) in rows.iter().zip(&mut squares) {
                 let mut error = row.tile(stages, y_old.len(), at);
                 error[lanes..].fill(0.0);
-                for lane in 0..TILE {
-                    let e = error[lane] / tolerance[lane];
-                    // a NaN must not hide behind a comparison
-                    let e2 = e * e;
-                    squares[lane] = if e2 <= squares[lane] { squares[lane] } else { e2 };
-                }
+                enlarge(squares, &error, &tolerance);
             }
         }
         if let Some(x) = &self.observed {
@@ -212,8 +218,14 @@ impl ErrorNorm {
 
     #[inline(always)]
     fn tolerance_tile(&self, at: usize, y_old: &[f64], y_new: &[f64]) -> [f64; TILE] {
-        let (atol, a, b) = (&self.atol[at..at + TILE], &y_old[at..at + TILE], &y_new[at..at + TILE]);
-        let floor = &self.floor[at..at + TILE];
+        let between = (&y_old[at..at + TILE], &y_new[at..at + TILE]);
+        self.tolerances(&self.atol[at..at + TILE], &self.floor[at..at + TILE], between)
+    }
+
+    /// Tolerances of numbers between these, for absolute tolerances and what is added for rounding.
+    #[inline(always)]
+    fn tolerances(&self, atol: &[f64], floor: &[f64], (a, b): (&[f64], &[f64])) -> [f64; TILE] {
+        let (atol, floor, a, b) = (&atol[..TILE], &floor[..TILE], &a[..TILE], &b[..TILE]);
         let mut tolerance = [0.0; TILE];
         for lane in 0..TILE {
             let scale = atol[lane] + self.rtol * a[lane].abs().max(b[lane].abs()) + floor[lane];
@@ -222,9 +234,10 @@ impl ErrorNorm {
         tolerance
     }
 
-    /// Absolute tolerances of the components, and the relative one.
-    pub(crate) fn tolerances(&self) -> (&[f64], f64) {
-        (&self.atol, self.rtol)
+    /// The same for component i in several lanes.
+    #[inline(always)]
+    pub(crate) fn tolerances_in_lanes(&self, i: usize, between: (&[f64], &[f64])) -> [f64; TILE] {
+        self.tolerances(&[self.atol[i]; TILE], &[0.0; TILE], between)
     }
 
     /// Natural size of component i.

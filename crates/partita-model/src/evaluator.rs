@@ -6,7 +6,7 @@
 //!
 //! Nothing here branches on a value: derivatives, eight lanes side by side and recordings use the same code.
 
-use crate::clusters::{self, LoadedTangents, Tangents};
+use crate::clusters::{self, LoadedTangents};
 use crate::compile;
 use crate::coupling;
 use crate::error::DescriptionError;
@@ -24,6 +24,7 @@ use partita_math::elimination::Pattern;
 use partita_math::scalar::{Dual, Scalar};
 use partita_math::spatial::{Mat3, Planar, Quaternion, Space, Spatial, Vec3};
 use partita_system::clusters::Clusters;
+use partita_system::system::ClusterTangent;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -364,7 +365,7 @@ impl<S: Scalar> Evaluator<S> {
         q: &[S],
         v: &[S],
         plan: &clusters::Plan,
-        tangents: &Tangents<S>,
+        tangents: &ClusterTangent<S>,
         s: &mut Scratch<S>,
         vdot: &mut [S],
     ) -> Result<(), SystemError> {
@@ -382,7 +383,7 @@ impl<S: Scalar> Evaluator<S> {
     pub fn respond(
         &self,
         plan: &clusters::Plan,
-        tangents: &Tangents<S>,
+        tangents: &ClusterTangent<S>,
         effort: &[S],
         s: &mut Scratch<S>,
         out: &mut [S],

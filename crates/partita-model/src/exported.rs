@@ -16,12 +16,13 @@ use crate::evaluator::Evaluator;
 use crate::freed::Along;
 use crate::loop_closure::STRAIGHT;
 use crate::model::Model;
-use crate::reduced::Reduced;
 use crate::spin;
 use partita_math::scalar::{c_head, Numbers, Recorder, Recording, Scalar};
 use partita_system::closing::Closing;
 use partita_system::prelude::*;
+use partita_system::rates::LevelsOver;
 use partita_system::reduction::Reduction;
+use partita_system::system::Tangent;
 use partita_system::{start, SystemError};
 
 /// A function in C.
@@ -82,23 +83,17 @@ impl Model {
         start::choose_partition(&mut r, t, q, None, None)?;
         let e = recorder(self)?;
         let (size, choice) = (self.size(), r.choice());
-        let mut kept = r.partition.rows.clone();
-        kept.sort_unstable();
-        let plan = r.by_clusters().then(|| self.recursion(&kept));
         let function = Function {
             name: format!("{name}_accelerations"),
             inputs: vec![Numbers::one("t"), Numbers::array("q", size.nq), Numbers::array("v", size.nv)],
             outputs: vec![Numbers::array("vdot", size.nv)],
         };
         function.record(|x| {
-            let (mut s, mut out) = (e.scratch(), Reduced::default());
-            if let Some(plan) = &plan {
-                e.fit(plan, &mut s);
-            }
+            let mut out = self.evaluation(&e, choice);
             let (q, v) = (&x[1..1 + size.nq], &x[1 + size.nq..]);
             let u: Vec<Recorder> = choice.independent.iter().map(|&i| v[i]).collect();
-            e.reduced(&choice, plan.as_ref(), x[0], q, &u, &mut s, &mut out)?;
-            let excess = choice.plan.map_or(-Recorder::one(), |plan| plan.excess(&out.factors));
+            out.levels(x[0], q, &u)?;
+            let excess = out.excess();
             Ok(out.vdot.into_iter().chain([excess]).collect())
         })
     }
@@ -253,26 +248,6 @@ impl<'m> Inputs<'m> {
         Ok(CFunction { name: name.to_string(), head, text, operations: STRAIGHT * made.operations })
     }
 
-    /// Dᵀ, and the excess of the pivots, at recorded coordinates.
-    fn tangent(
-        &self,
-        q: &[Recorder],
-        s: &mut crate::evaluator::Scratch<Recorder>,
-    ) -> Result<(Vec<Recorder>, Recorder), SystemError> {
-        let (size, choice) = (self.model.size(), self.reduction.choice());
-        let memory = |n: usize| vec![Recorder::zero(); n];
-        let (mut phi, mut c, mut a) = (memory(size.holonomic), memory(self.model.pattern().nnz()), memory(size.rows));
-        self.e.position(Recorder::from_f64(self.t), q, s, &mut phi, &mut c, &mut a)?;
-        let (rank, k) = (choice.rows.len(), choice.columns);
-        let (mut dt, mut gamma) = (memory(size.nv * k), memory(size.nv));
-        choice.units(&mut dt);
-        let Some(plan) = choice.plan else { return Ok((dt, -Recorder::one())) };
-        let mut factors = memory(plan.factor_len());
-        plan.eliminate(&c, &mut factors);
-        choice.tangent(&factors, &c, &a, &mut memory(rank * (k + 1)), &mut memory(rank * k), &mut dt, &mut gamma);
-        Ok((dt, plan.excess(&factors)))
-    }
-
     /// Rates of the wanted velocities per rate of each named one.
     fn jacobian(&self, name: &str, wanted: &[usize]) -> Result<CFunction, SystemError> {
         let (k, n) = (self.reduction.choice().columns, self.named.len());
@@ -282,10 +257,11 @@ impl<'m> Inputs<'m> {
             outputs: vec![Numbers::array("jacobian", wanted.len() * n)],
         };
         function.record(|q| {
-            let (dt, excess) = self.tangent(q, &mut self.e.scratch())?;
+            let mut x = self.model.evaluation(&self.e, self.reduction.choice());
+            x.position(Recorder::from_f64(self.t), q)?;
             let columns = self.columns();
             let rows = wanted.iter().flat_map(|&i| columns.iter().map(move |&c| i * k + c));
-            Ok(rows.map(|at| dt[at]).chain([excess]).collect())
+            Ok(rows.map(|at| x.dt[at]).chain([x.excess()]).collect())
         })
     }
 
@@ -300,16 +276,15 @@ impl<'m> Inputs<'m> {
             outputs: vec![Numbers::array("inertia", n * n), Numbers::array("lengths2", n)],
         };
         function.record(|q| {
-            let (t, memory) = (Recorder::from_f64(self.t), |n: usize| vec![Recorder::zero(); n]);
-            let mut s = self.e.scratch();
-            self.e.look(q, &memory(nv), &mut s);
+            let (t, rest) = (Recorder::from_f64(self.t), vec![Recorder::zero(); nv]);
+            let mut x = self.model.evaluation(&self.e, self.reduction.choice());
+            self.e.look(q, &rest, &mut x.of.s);
             let length2 =
-                |&i| freed.length2(&self.e, (t, q), &s, std::iter::once((Along::Velocity(i), Recorder::one())));
+                |&i| freed.length2(&self.e, (t, q), &x.of.s, std::iter::once((Along::Velocity(i), Recorder::one())));
             let lengths2 = self.named.iter().map(length2).collect::<Result<Vec<_>, _>>()?;
-            let (dt, excess) = self.tangent(q, &mut s)?;
-            let (rest, mut md, mut hd) = (memory(nv), memory(k * k), memory(k));
-            self.e.velocity(t, q, &rest, &mut s, &mut memory(self.model.size().rows))?;
-            self.e.project(t, q, &rest, (k, &dt, &rest), &mut s, &mut md, &mut hd)?;
+            x.position(t, q)?;
+            x.of.velocity(t, q, &rest, &mut x.b)?;
+            x.of.project((t, q, &rest), &Tangent { k, dt: &x.dt, delta: &rest }, &mut x.md, &mut x.hd)?;
             // the others first: what their elimination leaves is the matrix with no effort on them
             let columns = self.columns();
             let others = (0..k).filter(|c| !columns.contains(c));
@@ -317,7 +292,7 @@ impl<'m> Inputs<'m> {
             let mut m: Vec<Recorder> = order
                 .iter()
                 .flat_map(|&i| order.iter().map(move |&j| (i, j)))
-                .map(|(i, j)| md[i.max(j) * k + i.min(j)])
+                .map(|(i, j)| x.md[i.max(j) * k + i.min(j)])
                 .collect();
             for pivot in 0..k - n {
                 for i in pivot + 1..k {
@@ -329,7 +304,7 @@ impl<'m> Inputs<'m> {
                 }
             }
             let entry = |at: usize| m[(k - n + at / n) * k + k - n + at % n];
-            Ok((0..n * n).map(entry).chain(lengths2).chain([excess]).collect())
+            Ok((0..n * n).map(entry).chain(lengths2).chain([x.excess()]).collect())
         })
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod articulated;
 mod breakpoints;
+pub mod chosen_levels;
 pub mod closing;
 pub mod clusters;
 mod coincident;
@@ -37,7 +38,6 @@ mod planarity;
 pub mod reaction;
 mod reaction_friction;
 pub mod recorded;
-pub mod reduced;
 mod rotors;
 pub mod rows;
 pub mod shown;

@@ -11,11 +11,10 @@
 use crate::error::DescriptionError;
 use crate::evaluator::Evaluator;
 use crate::model::Model;
-use crate::reduced::Reduced;
 use partita_math::program::Program;
 use partita_math::scalar::{Recorder, Recording, Scalar};
 use partita_system::prelude::*;
-use partita_system::reduction::{Choice, Reduction};
+use partita_system::reduction::Reduction;
 use partita_system::SystemError;
 
 /// A parameter and how many numbers it has.
@@ -90,39 +89,30 @@ impl Model {
             })?;
             Ok::<_, DescriptionError>(Program::new(&made, first..inputs))
         };
-        let reduced = |e: &Evaluator<Recorder>, t: Recorder, q: &[Recorder], u: &[Recorder]| {
-            let mut x = Reduced::default();
-            e.reduced(&choice, None, t, q, u, &mut e.scratch(), &mut x)?;
-            Ok::<_, SystemError>(x)
-        };
-        let rates = |e: &Evaluator<Recorder>, q: &[Recorder], x: &Reduced<Recorder>| {
-            let mut all = vec![Recorder::zero(); nq];
-            e.rate(q, &x.v, &mut all);
-            all.extend(choice.independent.iter().map(|&i| x.vdot[i]));
-            all
-        };
+        let inverted = |x: Recorder| Recorder::one() / x;
         Ok(MotionPrograms {
             rates: record(&|e, t, q, u| {
-                let x = reduced(e, t, q, u)?;
-                Ok([rates(e, q, &x), pivots(&choice, &x)].concat())
+                let (mut x, mut slope) = (self.evaluation(e, choice), vec![Recorder::zero(); nq + k]);
+                x.rates(t, q, u, &mut slope)?;
+                Ok(slope.into_iter().chain(x.reciprocal_pivots().map(inverted)).collect())
             })?,
             end: record(&|e, t, q, u| {
                 e.normalise(q);
-                self.correct_over(e, &choice, t, q)?;
-                let x = reduced(e, t, q, u)?;
-                let columns = choice.columns;
-                let a = choice.dependent.iter().flat_map(|&i| x.dt[i * columns..][..columns].to_vec());
-                let a: Vec<Recorder> = a.collect();
-                let slope = rates(e, q, &x);
-                Ok([q.to_vec(), slope, x.v.clone(), a, pivots(&choice, &x), vec![self.open(&x.phi)]].concat())
+                let (mut x, mut slope) = (self.evaluation(e, choice), vec![Recorder::zero(); nq + k]);
+                x.correct(t, q)?;
+                x.rates(t, q, u, &mut slope)?;
+                let a = choice.dependent.iter().flat_map(|&i| &x.dt[i * choice.columns..][..choice.columns]);
+                let found = q.iter().chain(&slope).chain(&x.v).chain(a).copied();
+                Ok(found.chain(x.reciprocal_pivots().map(inverted)).chain([self.open(&x.phi)]).collect())
             })?,
             output: record(&|e, t, q, u| {
                 e.normalise(q);
-                self.correct_over(e, &choice, t, q)?;
-                self.correct_over(e, &choice, t, q)?;
+                let mut x = self.evaluation(e, choice);
+                x.correct(t, q)?;
+                x.correct(t, q)?;
                 e.normalise(q);
-                let x = reduced(e, t, q, u)?;
-                Ok([q.to_vec(), x.v.clone(), vec![self.open(&x.phi)]].concat())
+                x.levels(t, q, u)?;
+                Ok([q.to_vec(), x.v, vec![self.open(&x.phi)]].concat())
             })?,
             sizes: [nq, size.nv, k, choice.rows.len()],
         })
@@ -136,9 +126,4 @@ impl Model {
         }
         sum
     }
-}
-
-fn pivots(choice: &Choice, x: &Reduced<Recorder>) -> Vec<Recorder> {
-    let pivot = |k: usize| choice.plan.map_or(Recorder::one(), |plan| plan.signed_pivot(&x.factors, k));
-    (0..choice.rows.len()).map(pivot).collect()
 }

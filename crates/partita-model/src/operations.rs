@@ -3,13 +3,11 @@
 //! The operations are recorded: equal ones count once, those without influence on the rates not at all. What a run does
 //! besides (checks, predictions, moving of numbers) is not arithmetic and is not counted.
 
-use crate::evaluator::Evaluator;
 use crate::model::Model;
-use crate::reduced::Reduced;
 use partita_math::scalar::{OperationCounts, Recorder, Recording, Scalar};
 use partita_system::closing::Closing;
 use partita_system::prelude::*;
-use partita_system::reduction::{Choice, Reduction};
+use partita_system::reduction::Reduction;
 use partita_system::SystemError;
 
 /// What is recorded of t, q and v_I.
@@ -58,59 +56,24 @@ impl Model {
             Ok::<_, SystemError>(made.lean().counts())
         };
         // q' and v_I'
-        let rates = |t: Recorder, q: &[Recorder], u: &[Recorder]| -> Result<[Vec<Recorder>; 2], SystemError> {
-            let (mut s, mut x) = (e.scratch(), Reduced::default());
-            e.reduced(&choice, None, t, q, u, &mut s, &mut x)?;
-            let mut qdot = vec![Recorder::zero(); nq];
-            e.rate(q, &x.v, &mut qdot);
-            Ok([qdot, independent.iter().map(|&i| x.vdot[i]).collect()])
+        let rates = |t: Recorder, q: &[Recorder], u: &[Recorder]| -> Result<Vec<Recorder>, SystemError> {
+            let mut out = vec![Recorder::zero(); nq + k];
+            self.evaluation(&e, choice).rates(t, q, u, &mut out)?;
+            Ok(out)
         };
         Ok(EvaluationCounts {
-            projective: count(&|t, q, u| Ok(rates(t, q, u)?.concat()))?,
+            projective: count(&|t, q, u| rates(t, q, u))?,
             explicit_closing: count(&|t, q, u| {
                 let excess = closing.close_over(&e, t, q, &mut closing.scratch_over(&e))?;
-                let [qdot, vdot] = rates(t, q, u)?;
-                let states = independent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| qdot[c]);
-                Ok(states.chain(vdot).chain([excess]).collect())
+                let found = rates(t, q, u)?;
+                let states = independent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| found[c]);
+                Ok(states.chain(found[nq..].iter().copied()).chain([excess]).collect())
             })?,
-            iteration: count(&|t, q, _| self.iterated(&e, &r, t, q))?,
+            // q_D − C_D⁻¹ Φ                                                               (34)
+            iteration: count(&|t, q, _| {
+                self.evaluation(&e, choice).correct(t, q)?;
+                Ok(choice.dependent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| q[c]).collect())
+            })?,
         })
-    }
-
-    /// `q_D − C_D⁻¹ Φ` for the choice of r.                                                                    (34)
-    fn iterated(
-        &self,
-        e: &Evaluator<Recorder>,
-        r: &Reduction<Self>,
-        t: Recorder,
-        q: &mut [Recorder],
-    ) -> Result<Vec<Recorder>, SystemError> {
-        let choice = r.choice();
-        self.correct_over(e, &choice, t, q)?;
-        Ok(choice.dependent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| q[c]).collect())
-    }
-
-    /// `q_D ← q_D − C_D⁻¹ Φ` for a choice.                                                                     (34)
-    pub(crate) fn correct_over(
-        &self,
-        e: &Evaluator<Recorder>,
-        choice: &Choice,
-        t: Recorder,
-        q: &mut [Recorder],
-    ) -> Result<(), SystemError> {
-        let (size, mut s) = (self.size(), e.scratch());
-        let memory = |n: usize| vec![Recorder::zero(); n];
-        let (mut phi, mut c, mut a) = (memory(size.holonomic), memory(self.pattern().nnz()), memory(size.rows));
-        e.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
-        let mut dv = memory(size.nv);
-        if let Some(plan) = choice.plan {
-            let mut factors = memory(plan.factor_len());
-            plan.eliminate(&c, &mut factors);
-            let mut x: Vec<Recorder> = choice.rows.iter().map(|&row| -phi[row]).collect();
-            plan.solve(&factors, &mut x, 1);
-            choice.dependent.iter().zip(x).for_each(|(&i, x)| dv[i] = x);
-        }
-        e.step(q, &dv);
-        Ok(())
     }
 }

@@ -217,7 +217,7 @@ impl Choice<'_> {
         }
     }
 
-    fn put_dependent<T: Scalar>(&self, x: &[T], out: &mut [T]) {
+    pub(crate) fn put_dependent<T: Scalar>(&self, x: &[T], out: &mut [T]) {
         for (x, &i) in x.iter().zip(self.dependent) {
             out[i] = *x;
         }

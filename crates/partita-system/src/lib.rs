@@ -19,6 +19,7 @@ pub mod options;
 pub mod partition;
 pub mod positions;
 pub mod rank;
+pub mod rates;
 pub mod record;
 pub mod reduction;
 pub mod singular;

@@ -37,13 +37,13 @@ pub struct Size {
 }
 
 /// `D` and `[0; ξ]` of P2, indexed by velocity.
-pub struct Tangent<'a> {
+pub struct Tangent<'a, N = f64> {
     /// Number of independent velocities k.
     pub k: usize,
     /// `Dᵀ` (nv x k), row by row.
-    pub dt: &'a [f64],
+    pub dt: &'a [N],
     /// `[0; ξ]` (nv).
-    pub delta: &'a [f64],
+    pub delta: &'a [N],
 }
 
 /// The system's method for its reduced accelerations cluster by cluster, decided when rows are kept.
@@ -59,18 +59,19 @@ pub struct Recursion {
 pub type BlockSink<'b, T = f64> = &'b mut dyn FnMut(usize, &[usize], &[T]);
 
 /// Input of the recursion over clusters.
-pub struct ClusterTangent<'a> {
+#[derive(Clone, Copy)]
+pub struct ClusterTangent<'a, N = f64> {
     /// Columns of `dt`.
     pub columns: usize,
     /// `Dᵀ` (nv x columns): the degrees of freedom of its own cluster beside each velocity; zero where the cluster
     /// needs none.
-    pub dt: &'a [f64],
+    pub dt: &'a [N],
     /// `[0; ξ]` (nv).
-    pub delta: &'a [f64],
+    pub delta: &'a [N],
     /// Values of C in pattern order.
-    pub c: &'a [f64],
+    pub c: &'a [N],
     /// b (rows).
-    pub b: &'a [f64],
+    pub b: &'a [N],
 }
 
 /// A system in use: borrowed for the time of use, or shared by its users.

@@ -14,13 +14,24 @@ enum Estimate {
     FifthAndThird([Row; 2]),
 }
 
+/// Error of a step of length h by two estimates, from the squares of their largest components.
+#[inline(always)]
+pub(crate) fn of_both(h: f64, fifth: f64, third: f64) -> f64 {
+    let sum = fifth + 0.01 * third;
+    if sum == 0.0 {
+        0.0
+    } else {
+        ERROR_MARGIN * h.abs() * fifth / sum.sqrt()
+    }
+}
+
 /// The rows of a method.
 #[derive(Clone, Debug)]
-pub(super) struct Method {
+pub(crate) struct Method {
     /// Row `i` leads to stage `i`.
-    pub(super) stages: Vec<Row>,
+    pub(crate) stages: Vec<Row>,
     /// The weights `b` of the step.
-    pub(super) end: Row,
+    pub(crate) end: Row,
     estimate: Estimate,
 }
 
@@ -29,7 +40,7 @@ static PREPARED: LazyLock<Vec<(Method, DenseRows)>> =
     LazyLock::new(|| METHODS.iter().map(|tableau| (Method::new(tableau), DenseRows::new(tableau))).collect());
 
 /// The rows of a table, of the step and of dense output.
-pub(super) fn prepared(tableau: &'static Tableau) -> (Cow<'static, Method>, Cow<'static, DenseRows>) {
+pub(crate) fn prepared(tableau: &'static Tableau) -> (Cow<'static, Method>, Cow<'static, DenseRows>) {
     match METHODS.iter().position(|known| std::ptr::eq(*known, tableau)) {
         Some(i) => (Cow::Borrowed(&PREPARED[i].0), Cow::Borrowed(&PREPARED[i].1)),
         None => (Cow::Owned(Method::new(tableau)), Cow::Owned(DenseRows::new(tableau))),
@@ -66,6 +77,14 @@ impl Method {
         }
     }
 
+    /// The rows of two estimates, where there are two.
+    pub(crate) fn both(&self) -> Option<&[Row; 2]> {
+        match &self.estimate {
+            Estimate::FifthAndThird(rows) => Some(rows),
+            Estimate::None | Estimate::One(_) => None,
+        }
+    }
+
     /// Error of a step of length `h`, with its margin, in units of the tolerance; 0 without an estimate.
     ///
     /// Two estimates of different order in one are of the order of the method where the slopes are smooth. At a corner
@@ -87,13 +106,9 @@ impl Method {
             }
             Estimate::FifthAndThird(rows) => {
                 let [fifth, third] = norm.largest_squares(rows, stages, y_old, y_new);
-                let sum = fifth + 0.01 * third;
-                if at_a_corner {
-                    ERROR_MARGIN * h.abs() * fifth.max(third).sqrt()
-                } else if sum == 0.0 {
-                    0.0
-                } else {
-                    ERROR_MARGIN * h.abs() * fifth / sum.sqrt()
+                match at_a_corner {
+                    true => ERROR_MARGIN * h.abs() * fifth.max(third).sqrt(),
+                    false => of_both(h, fifth, third),
                 }
             }
         }

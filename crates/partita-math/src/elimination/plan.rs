@@ -163,11 +163,6 @@ impl Plan {
         T::one() / work[self.layout.program.pivot_place(k)].abs()
     }
 
-    /// As [`pivot`](Self::pivot), with its sign.
-    pub fn signed_pivot<T: Scalar>(&self, work: &[T], k: usize) -> T {
-        T::one() / work[self.layout.program.pivot_place(k)]
-    }
-
     /// Signs of the determinants of the diagonal blocks of `C_D` and last that of all of it, true for negative, rows
     /// and columns ascending, for the factors of the last [`factor`](Self::factor). The result identifies the blocks:
     /// for the same blocks, a change of sign shows that `C_D` was singular in between; for the same rows and columns,

@@ -21,7 +21,6 @@ mod sweep;
 pub use crate::memory::ClusterScratch;
 pub use plan::{Plan, Preference, Route};
 pub(crate) use sweep::LoadedTangents;
-pub use sweep::Tangents;
 
 use crate::mechanics::Mechanics;
 use crate::tree::{LinkMotion, Tree};

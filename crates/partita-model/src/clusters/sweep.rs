@@ -7,24 +7,11 @@ use crate::memory::ClusterScratch;
 use crate::tree::{LinkMotion, Tree, TreeScratch};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::Space;
-
-/// Loop data of the recursion: indexed by velocity, or in the pattern of C.
-#[derive(Clone, Copy)]
-pub struct Tangents<'a, S> {
-    /// `Dᵀ` of the clusters that use partial velocities (nv x columns): each velocity has the degrees of freedom of
-    /// its own cluster side by side.
-    pub dt: &'a [S],
-    /// `[0; ξ]`.
-    pub delta: &'a [S],
-    /// Values of C in pattern order.
-    pub c: &'a [S],
-    /// b.
-    pub b: &'a [S],
-}
+use partita_system::system::ClusterTangent;
 
 /// Tangents together with the loads on the links.
 pub(crate) struct LoadedTangents<'a, S> {
-    pub tangents: Tangents<'a, S>,
+    pub tangents: ClusterTangent<'a, S>,
     /// Effort along each velocity.
     pub effort: &'a [S],
     /// From rest, without forces and gravity: the motion that the efforts alone cause.

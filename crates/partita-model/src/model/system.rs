@@ -3,7 +3,7 @@
 
 use super::scratch::{Dense, ModelScratch};
 use super::{BlockDecision, Geometry, Model};
-use crate::clusters::{Plan, Preference, Route, Tangents};
+use crate::clusters::{Plan, Preference, Route};
 use crate::coupling::Condition;
 use crate::evaluator::{with_engine, Engine};
 use crate::joint::{Motion, Own};
@@ -28,10 +28,6 @@ use std::sync::Arc;
 /// Up to this many degrees of freedom one small M_d costs less than any recursion, and existing bases use the same
 /// method.
 const FEW_DOF: usize = 6;
-
-fn by<'a>(t: &ClusterTangent<'a>) -> Tangents<'a, f64> {
-    Tangents { dt: t.dt, delta: t.delta, c: t.c, b: t.b }
-}
 
 impl Model {
     /// Whether the result of the recursion is a motion. Otherwise some velocity moves no inertia.
@@ -256,7 +252,7 @@ impl Clustered for Model {
         vdot: &mut [f64],
     ) -> Result<(), SystemError> {
         let plan = std::mem::take(&mut s.recursion);
-        let done = self.own.accelerate(t, q, v, &plan, &by(tangent), s, vdot);
+        let done = self.own.accelerate(t, q, v, &plan, tangent, s, vdot);
         s.recursion = plan;
         done?;
         self.felt(t, s, vdot)
@@ -269,7 +265,7 @@ impl Clustered for Model {
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         let plan = std::mem::take(&mut s.recursion);
-        self.own.respond(&plan, &by(tangent), effort, s, out);
+        self.own.respond(&plan, tangent, effort, s, out);
         s.recursion = plan;
         self.felt(0.0, s, out)
     }

@@ -200,7 +200,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         self.tangent.rates(&mut dy[p..w]);
         if self.observes_work {
-            dy[w] = self.power(t)?;
+            dy[w] = self.tangent.power(t, self.positions.q())?;
         }
         if !self.prescribed.is_empty() {
             self.tangent.full_acceleration(&mut self.vdot);
@@ -209,14 +209,6 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             self.prescribed.rates(&self.system, self.positions.q(), v, &self.vdot, &mut dy[beside..]);
         }
         Ok(())
-    }
-
-    /// dE/dt that is not the work of conservative forces: applied power and, for driven constraints, −λᵀa.
-    fn power(&mut self, t: f64) -> Result<f64> {
-        let q = self.positions.q();
-        let r = self.tangent.reduction();
-        let applied = r.system.power(t, q, &r.v, &mut r.scratch)?;
-        Ok(applied + if self.system.rheonomic() { self.tangent.driving(t, q)? } else { 0.0 })
     }
 
     /// Whether (t, y) is the end of the step that was judged, its loops closed to round-off and its levels evaluated.

@@ -230,7 +230,6 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                         }
                     })
                     .collect();
-                self.vdot.resize(self.size.nv, 0.0);
             }
         }
         self.rhs.resize(self.rank * (self.columns + 1), 0.0);

@@ -18,6 +18,7 @@ pub use watch::{is_round_off, largest, strength, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
 use crate::partition::Partition;
+use crate::rates::{self, Point};
 use crate::system::{ClusterTangent, ConstrainedSystem, Recursion, Size, SystemError, SystemRef, Tangent};
 use partita_math::dense;
 use partita_math::elimination::Plan;
@@ -204,7 +205,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             columns: 0,
             column_of: Vec::new(),
             spread_entries: Vec::new(),
-            vdot: Vec::new(),
+            vdot: vec![0.0; n],
             distance: distance::Distance::default(),
             memory: switches::SwitchScratch::default(),
             row_memory: row_exchange::RowScratch::default(),
@@ -447,6 +448,30 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             return;
         }
         choice!(self).full_acceleration(&self.dt, &self.delta, &self.vdot_independent, out);
+    }
+
+    /// q', v_I', and the power if `out` goes on, at the point last evaluated.                           (S2, P3)
+    pub fn rates(&mut self, t: f64, q: &[f64], out: &mut [f64]) -> Result<(), SystemError> {
+        self.complete_acceleration();
+        let choice = choice!(self);
+        let at = Point { t, q, v: &self.v, gamma: &self.gamma, vdot: &self.vdot };
+        rates::rates(&mut (&*self.system, &mut self.scratch), &choice, &at, &mut self.residual, out)
+    }
+
+    /// dE/dt that is not the work of conservative forces, at the point last evaluated.
+    pub fn power(&mut self, t: f64, q: &[f64]) -> Result<f64, SystemError> {
+        if self.rheonomic {
+            self.complete_acceleration();
+        }
+        let at = Point { t, q, v: &self.v, gamma: &self.gamma, vdot: &self.vdot };
+        rates::power(&mut (&*self.system, &mut self.scratch), self.rheonomic, &at, &mut self.residual)
+    }
+
+    /// v' of all velocities, where it does not come from a recursion.                                     (P2)
+    fn complete_acceleration(&mut self) {
+        if self.recursion.is_none() {
+            choice!(self).full_acceleration(&self.dt, &self.delta, &self.vdot_independent, &mut self.vdot);
+        }
     }
 
     /// Multipliers of all rows from the dependent rows of `M v' − h`: `C_Dᵀ λ = (M v' − h)_D`; zero on dropped rows.

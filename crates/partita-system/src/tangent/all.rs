@@ -204,8 +204,10 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
     fn full_acceleration(&self, out: &mut [f64]) {
         out.copy_from_slice(&self.vdot);
     }
-    fn driving(&mut self, _t: f64, _q: &[f64]) -> Result<f64> {
-        Ok(-dense::dot(&self.lambda, &self.base.r.a))
+    /// λ is known, and there is no D: with rows that depend on time −λᵀ a itself.
+    fn power(&mut self, t: f64, q: &[f64]) -> Result<f64> {
+        let r = &mut self.base.r;
+        Ok(r.system.power(t, q, &r.v, &mut r.scratch)? - dense::dot(&self.lambda, &r.a))
     }
 }
 

@@ -4,7 +4,6 @@ use crate::error::Result;
 use crate::record::{ChoiceLog, FormulationCounters, History, PartitionEvent};
 use crate::reduction::Reduction;
 use crate::system::ConstrainedSystem;
-use partita_math::dense;
 
 /// Number of steps after which the scales are refreshed: they are only scales.
 pub(super) const PERIOD: u32 = 8;
@@ -18,15 +17,11 @@ pub struct Base<'s, S: ConstrainedSystem> {
     /// Whether among redundant rows others serve better.
     pub(super) fading: bool,
     pub(super) steps_since_scales: u32,
-    vdot: Vec<f64>,
-    residual: Vec<f64>,
 }
 
 impl<'s, S: ConstrainedSystem> Base<'s, S> {
     pub(super) fn new(r: Reduction<'s, S>) -> Self {
-        let n = r.size().nv;
-        let (vdot, residual) = (vec![0.0; n], vec![0.0; n]);
-        Self { r, choices: ChoiceLog::default(), switches: 0, fading: false, steps_since_scales: 0, vdot, residual }
+        Self { r, choices: ChoiceLog::default(), switches: 0, fading: false, steps_since_scales: 0 }
     }
 
     /// Choices so far.
@@ -87,14 +82,6 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
         self.steps_since_scales = 0;
         // a failure here also occurs in the next evaluation, which reports it; until then the old scales are kept
         self.r.refresh_scales(t, q).is_ok()
-    }
-
-    /// −λᵀ a = λᵀ C v = (M v' − h)ᵀ γ, because the reaction does no work along the rows of D.
-    pub(super) fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
-        let r = &mut self.r;
-        r.full_acceleration(&mut self.vdot);
-        r.system.inverse_dynamics(t, q, &r.v, &self.vdot, &mut r.scratch, &mut self.residual)?;
-        Ok(dense::dot(&self.residual, &r.gamma))
     }
 
     /// Names of velocities.

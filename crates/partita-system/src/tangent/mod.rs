@@ -77,9 +77,9 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     fn full_acceleration(&self, out: &mut [f64]) {
         self.seen().full_acceleration(out);
     }
-    /// Power of the drives at the last evaluation, −λᵀa.
-    fn driving(&mut self, t: f64, q: &[f64]) -> Result<f64> {
-        self.base_mut().driving(t, q)
+    /// dE/dt that is not the work of conservative forces, at the last evaluation.
+    fn power(&mut self, t: f64, q: &[f64]) -> Result<f64> {
+        self.reduction().power(t, q)
     }
 }
 

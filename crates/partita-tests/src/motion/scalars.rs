@@ -7,16 +7,16 @@ use crate::mechanisms::{
 };
 use partita_math::program::Program;
 use partita_math::scalar::{Dual, Lanes, Recorder, Recording, Scalar};
-use partita_model::clusters::{Plan, Preference};
+use partita_model::clusters::Preference;
 use partita_model::coupling::{Contact, Law, Says};
 use partita_model::force::{Element, LoadLaw};
 use partita_model::measurement::Quantity;
-use partita_model::reduced::Reduced;
 use partita_model::spec::{Coupling, Force, Friction, Gravity, JointKind, Spec, Table, Value, VectorValue};
 use partita_model::value::{table_at, Functions, RELATION};
 use partita_model::zero_position::Coordinates;
 use partita_model::{Evaluator, Model};
 use partita_system::prelude::*;
+use partita_system::rates::MotionOver;
 use partita_system::reduction::Reduction;
 use partita_system::start;
 use std::collections::BTreeSet;
@@ -190,7 +190,6 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
 struct Chosen<'m> {
     recursion: &'static str,
     reduction: Reduction<'m, Model>,
-    plan: Option<Plan>,
 }
 
 /// Every way to the accelerations at one instant.
@@ -198,15 +197,13 @@ fn choices<'m>(model: &'m Model, others: &'m [Model; 2], m: &Moment) -> Vec<Chos
     let mut dense = Reduction::dense(model, m.rank);
     start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
     let independent = dense.partition.independent.clone();
-    let mut all = vec![Chosen { recursion: "M_d", reduction: dense, plan: None }];
+    let mut all = vec![Chosen { recursion: "M_d", reduction: dense }];
     for (recursion, model) in ["partial velocities", "range space"].into_iter().zip(others) {
         let mut reduction = Reduction::new(model, m.rank);
         reduction.position(m.t, &m.q).unwrap();
         reduction.refresh_scales(m.t, &m.q).unwrap();
         reduction.set_partition(m.t, &independent).unwrap();
-        let mut kept = reduction.partition.rows.clone();
-        kept.sort_unstable();
-        all.push(Chosen { recursion, plan: Some(model.recursion(&kept)), reduction });
+        all.push(Chosen { recursion, reduction });
     }
     all
 }
@@ -273,12 +270,13 @@ impl Layout {
         for chosen in choices {
             let choice = chosen.reduction.choice();
             let speeds: Vec<S> = choice.independent.iter().map(|&i| v[i]).collect();
-            let (mut s, mut x) = (e.scratch(), Reduced::default());
-            if let Some(plan) = &chosen.plan {
-                e.fit(plan, &mut s);
-            }
-            e.reduced(&choice, chosen.plan.as_ref(), t, q, &speeds, &mut s, &mut x).unwrap();
-            reduced.push((chosen.recursion, [x.v, x.vdot, x.multipliers].concat()));
+            let mut x = chosen.reduction.system.evaluation(e, choice);
+            let mut rates = memory(self.nq + choice.k() + 1);
+            x.rates(t, q, &speeds, &mut rates).unwrap();
+            let (mut residual, mut work, mut multipliers) = (memory(self.nv), memory(self.nv), memory(self.rows));
+            x.of.inverse_dynamics(t, q, &x.v, &x.vdot, &mut residual).unwrap();
+            choice.multipliers(&x.factors, &residual, &mut work, &mut multipliers);
+            reduced.push((chosen.recursion, [rates, x.v, x.vdot, multipliers].concat()));
         }
         let mut all = vec![
             ("Phi", phi),
