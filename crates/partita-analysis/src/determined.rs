@@ -141,7 +141,7 @@ fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
     };
     for stress in stresses {
         for &(row, effort) in &stress.conditions {
-            let is_moment = model.row_is_angle(row) || cosine(row);
+            let is_moment = model.structure().rows[row].is_angle || cosine(row);
             open[row] |= (if is_moment { effort / model.placed.size } else { effort }).abs() > stress.zero;
         }
     }

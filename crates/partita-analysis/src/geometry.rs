@@ -15,12 +15,11 @@ use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
+use partita_system::clusters::Clusters;
 use partita_system::start::Start;
-use partita_system::system::Tangent;
-use partita_system::system::{
-    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales,
-};
-use partita_system::{Finite, Size, SystemError};
+use partita_system::system::structure::{Row, Velocity};
+use partita_system::system::{Guards, Levels, Manifold, Methods, Metric, Structure, Tangent};
+use partita_system::{Size, SystemError};
 
 /// Least size of a loop. Unit: size of the mechanism. Reason: a loop that shrinks to a point still has a size to
 /// compare rounding with.
@@ -57,16 +56,12 @@ pub(crate) fn lifted(model: &Model, twin: &Model, q: &[f64]) -> Vec<f64> {
 pub(crate) struct Geometry<'m> {
     /// The mechanism.
     pub(crate) model: &'m Model,
-    pattern: Pattern,
+    /// That of the mechanism with these rows and sizes.
+    structure: Structure,
     /// Its rows as rows of the mechanism.
     rows: Vec<usize>,
-    /// Number of rows on positions; they come first.
-    holonomic: usize,
     /// `s_i² = [M⁻¹]_ii`: the square of the characteristic displacement of velocity i.
     scale2: Vec<f64>,
-    /// Closure error that a large displacement can cause in each row: 1 for a rotation, the size of its loop for a
-    /// translation.
-    row_displacement: Vec<f64>,
     /// Weight below which a row is round-off.
     nothing: f64,
 }
@@ -104,11 +99,27 @@ impl<'m> Geometry<'m> {
             row_displacement.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
         }
         // conditions other than loop closures define their own scale; 0 if unknown
-        row_displacement.extend((model.closing_rows..all.rows).map(|i| model.row_displacement(i).unwrap_or(0.0)));
-        let row_displacement = rows.iter().map(|&i| row_displacement[i]).collect();
+        row_displacement
+            .extend((model.closing_rows..all.rows).map(|i| model.structure().rows[i].displacement.unwrap_or(0.0)));
+        let all = model.structure();
+        let row = |&i: &usize| Row { displacement: Some(row_displacement[i]), ..all.rows[i].clone() };
+        let velocity = |(v, s2): (&Velocity, &f64)| Velocity { displacement: s2.sqrt(), ..v.clone() };
+        let structure = Structure {
+            size: Size { rows: rows.len(), holonomic, ..all.size },
+            clusters: Clusters::one(pattern.cols, pattern.rows),
+            pattern,
+            coordinates: all.coordinates.clone(),
+            velocities: all.velocities.iter().zip(&scale2).map(velocity).collect(),
+            rows: rows.iter().map(row).collect(),
+            rheonomic: all.rheonomic,
+            has_power: false,
+            lacks_mass: false,
+            given_count: 0,
+            drawing: all.drawing.clone(),
+        };
         // weak conditions of a drawing are not round-off
         let nothing = if model.geometry().weak { tolerance::LOST_PIVOT } else { tolerance::REDUNDANT };
-        Self { model, pattern, rows, holonomic, scale2, row_displacement, nothing }
+        Self { model, structure, rows, scale2, nothing }
     }
 
     /// The rows of `twin` that can work against each other in reactions of `model`: drives belong to them, actuators do
@@ -120,18 +131,17 @@ impl<'m> Geometry<'m> {
     /// Length of row `i` of C for unit characteristic displacements over the closure error of a large displacement:
     /// squared, 1 for a well-scaled row.
     fn weight(&self, i: usize, c: &[f64]) -> f64 {
-        if self.row_displacement[i] == 0.0 {
-            return 1.0;
-        }
-        let square = |e: usize| c[e].powi(2) * self.scale2[self.pattern.col_idx[e]];
-        self.pattern.row(i).map(square).sum::<f64>() / self.row_displacement[i].powi(2)
+        let Structure { pattern, rows, .. } = &self.structure;
+        let Some(large) = rows[i].displacement.filter(|x| *x != 0.0) else { return 1.0 };
+        let square = |e: usize| c[e].powi(2) * self.scale2[pattern.col_idx[e]];
+        pattern.row(i).map(square).sum::<f64>() / large.powi(2)
     }
 
     /// Squared sine or [`weight`](Self::weight) of the weakest accepted row: how far the position is from a singular
     /// one.
     pub(crate) fn distance(&self, start: &Start, t: f64, q: &[f64]) -> Result<f64, SystemError> {
         let c = self.jacobian(t, q)?;
-        let kept = (0..self.pattern.rows).filter(|i| start.dropped.binary_search(i).is_err());
+        let kept = (0..self.structure.pattern.rows).filter(|i| start.dropped.binary_search(i).is_err());
         Ok(kept.fold(start.smallest, |m, i| m.min(self.weight(i, &c))))
     }
 
@@ -142,8 +152,8 @@ impl<'m> Geometry<'m> {
 
     /// Values of C, those of the `dropped` rows as they are: a row may be a small multiple of one that is kept.
     pub(crate) fn jacobian_with(&self, dropped: &[usize], t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
-        let rows = self.pattern.rows;
-        let (mut phi, mut c, mut a) = (vec![0.0; rows], vec![0.0; self.pattern.nnz()], vec![0.0; rows]);
+        let rows = self.structure.pattern.rows;
+        let (mut phi, mut c, mut a) = (vec![0.0; rows], vec![0.0; self.structure.pattern.nnz()], vec![0.0; rows]);
         let mut s = self.scratch();
         self.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
         self.restore(dropped, &s, &mut c);
@@ -153,7 +163,7 @@ impl<'m> Geometry<'m> {
     /// Write the `dropped` rows into C as they are at the position just evaluated.
     pub(crate) fn restore(&self, dropped: &[usize], s: &GeometryScratch, c: &mut [f64]) {
         let all = self.model.pattern();
-        dropped.iter().for_each(|&i| c[self.pattern.row(i)].copy_from_slice(&s.c[all.row(self.rows[i])]));
+        dropped.iter().for_each(|&i| c[self.structure.pattern.row(i)].copy_from_slice(&s.c[all.row(self.rows[i])]));
     }
 
     /// Row `i` as a row of the mechanism.
@@ -169,12 +179,8 @@ impl<'m> Geometry<'m> {
 
 impl Levels for Geometry<'_> {
     type Scratch = GeometryScratch;
-    fn size(&self) -> Size {
-        let placed = &self.model.placed;
-        Size { nq: placed.nq, nv: placed.nv, rows: self.pattern.rows, holonomic: self.holonomic }
-    }
-    fn pattern(&self) -> &Pattern {
-        &self.pattern
+    fn structure(&self) -> &Structure {
+        &self.structure
     }
     fn scratch(&self) -> GeometryScratch {
         let all = self.model.pattern();
@@ -184,9 +190,6 @@ impl Levels for Geometry<'_> {
             c: vec![0.0; all.nnz()],
             a: vec![0.0; all.rows],
         }
-    }
-    fn rheonomic(&self) -> bool {
-        self.model.rheonomic()
     }
     fn position(
         &self,
@@ -204,11 +207,11 @@ impl Levels for Geometry<'_> {
                 phi[i] = s.phi[row];
             }
             a[i] = s.a[row];
-            c[self.pattern.row(i)].copy_from_slice(&s.c[all.row(row)]);
+            c[self.structure.pattern.row(i)].copy_from_slice(&s.c[all.row(row)]);
         }
-        for i in 0..self.pattern.rows {
+        for i in 0..self.structure.pattern.rows {
             if self.weight(i, c) < self.nothing {
-                c[self.pattern.row(i)].fill(0.0);
+                c[self.structure.pattern.row(i)].fill(0.0);
             }
         }
         Ok(())
@@ -308,8 +311,6 @@ impl Metric for Geometry<'_> {
     }
 }
 
-impl Clustered for Geometry<'_> {}
-
 impl Manifold for Geometry<'_> {
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
         self.model.rate(q, v, qdot);
@@ -320,61 +321,11 @@ impl Manifold for Geometry<'_> {
     fn normalise(&self, q: &mut [f64]) -> bool {
         self.model.normalise(q)
     }
-    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
-        self.model.velocity_of_coordinate(i)
-    }
-}
-
-impl Scales for Geometry<'_> {
     fn travel(&self, v: &[f64]) -> f64 {
         self.model.travel(v)
-    }
-    fn row_displacement(&self, i: usize) -> Option<f64> {
-        Some(self.row_displacement[i])
-    }
-    fn row_is_angle(&self, i: usize) -> bool {
-        self.model.row_is_angle(self.rows[i])
-    }
-    fn characteristic_displacement(&self, i: usize) -> f64 {
-        self.scale2[i].sqrt()
-    }
-}
-
-impl Names for Geometry<'_> {
-    fn velocity_name(&self, i: usize) -> String {
-        self.model.velocity_name(i)
-    }
-    fn row_name(&self, i: usize) -> String {
-        self.model.row_name(self.rows[i])
-    }
-    fn instantaneous(&self) -> String {
-        self.model.instantaneous()
-    }
-    fn row_description(&self, i: usize) -> String {
-        self.model.row_description(self.rows[i])
-    }
-    fn row_owner(&self, i: usize) -> String {
-        self.model.row_owner(self.rows[i])
-    }
-}
-
-impl Conditions for Geometry<'_> {
-    fn row_is_drive(&self, i: usize) -> bool {
-        self.model.row_is_drive(self.rows[i])
-    }
-    fn row_may_jump(&self, i: usize) -> bool {
-        self.model.row_may_jump(self.rows[i])
-    }
-    fn finite(&self) -> Option<Finite> {
-        self.model.finite()
-    }
-    fn ambiguous(&self) -> Option<String> {
-        self.model.ambiguous()
     }
 }
 
 impl Guards for Geometry<'_> {}
 
-impl Programs for Geometry<'_> {}
-
-impl InverseKinematics for Geometry<'_> {}
+impl Methods for Geometry<'_> {}

@@ -216,7 +216,7 @@ impl Inverse {
 
     /// A large value of the measurement of actuator `j`: 1 for an angle, a length for a displacement.
     pub(crate) fn size(&self, j: usize) -> f64 {
-        let turns = self.levers[j].rows.iter().any(|&row| self.actuated.row_is_angle(row));
+        let turns = self.levers[j].rows.iter().any(|&row| self.actuated.structure().rows[row].is_angle);
         if turns {
             1.0
         } else {
@@ -351,7 +351,10 @@ impl Inverse {
         let mut b = Matrix::new(k, memory.columns.len());
         actuation::reduced(&r.dt, k, memory.columns.iter().map(Vec::as_slice), b.data_mut());
         Ok(Actuation::new(b, &memory.md, &lengths2).map_err(|e| match e {
-            Some((i, pivot)) => SystemError::Mass { name: r.system.velocity_name(r.partition.independent[i]), pivot },
+            Some((i, pivot)) => SystemError::Mass {
+                name: r.system.structure().velocities[r.partition.independent[i]].name.to_string(),
+                pivot,
+            },
             None => SystemError::NotFinite { what: "the effect of the actuators".into(), t },
         })?)
     }
@@ -524,7 +527,7 @@ impl Inverse {
             if part(&worst) <= limit {
                 continue;
             }
-            let row = self.released.row_name(fits[worst * FITS + 2 * kind + 1] as usize);
+            let row = &self.released.structure().rows[fits[worst * FITS + 2 * kind + 1] as usize].name;
             let message = format!(
                 "the {levels} of the motion do not fit the constraints: at t = {:.6} s constraint {row} is violated, {what} \
                  is {:.2e} {of} (at most {limit:.0e}); give a motion of this mechanism, as simulate and assemble return it",

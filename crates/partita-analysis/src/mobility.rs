@@ -79,7 +79,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         geometric_error::of_drawing(model);
     for (stress, &row) in of_rows.iter().zip(&free.dropped) {
         redundant.push(Redundant {
-            row: released.row_name(row),
+            row: released.structure().rows[row].name.to_string(),
             joint: twin.row_names[released.row_of_model(row)].owner.name(&twin.spec).to_string(),
             why: reason(&pose, stress),
         });
@@ -160,7 +160,7 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
             (true, before) => format!("this coordinate is already determined by driving {}", names(before)),
         };
         let joint = d.joint.map_or(&d.name, |(j, _)| &model.spec.joints[j].name).clone();
-        found.redundant.push(Redundant { row: driven.row_name(d.row), joint, why });
+        found.redundant.push(Redundant { row: driven.structure().rows[d.row].name.to_string(), joint, why });
     }
     Ok(())
 }

@@ -312,10 +312,10 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         let spins = spins_unfelt(model);
         notes.push(match (unfelt, spins) {
             (_, Some(words)) => words,
-            (Some((motion, bodies)), _) => format!(
+            (Some((motion, v)), _) => format!(
                 "a degree of freedom moves no mass: the motion {motion} (rad/s, m/s) involves only {}, without mass \
                  or inertia in that direction",
-                names(&bodies)
+                names(&model.bodies_moved(q, &v))
             ),
             (None, None) => without_inertia(model),
         });
@@ -383,7 +383,7 @@ fn undriven(model: &Model, t: f64, q: &[f64]) -> Option<Vec<f64>> {
 fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility: usize) -> Still {
     let Some(m) = measured.filter(|_| mobility > 0) else { return Default::default() };
     let size = model.size();
-    if (size.holonomic..size.rows).any(|i| !model.row_is_drive(i)) {
+    if (size.holonomic..size.rows).any(|i| !model.structure().rows[i].is_drive) {
         return Default::default(); // what rolls comes to any position by manoeuvres, one nearby tells nothing
     }
     let driven: HashSet<usize> = model.drives.iter().filter_map(DriveRow::velocity).collect();
@@ -403,8 +403,8 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
     let nearby = || -> Option<Vec<f64>> {
         // all of them, by moves that have nothing in common
         let moved = m.independent.iter().enumerate().filter_map(|(k, &i)| {
-            let c = (0..q.len()).find(|&c| model.velocity_of_coordinate(c) == Some(i))?;
-            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.characteristic_displacement(i)))
+            let c = (0..q.len()).find(|&c| model.structure().coordinates[c].velocity == Some(i))?;
+            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.structure().velocities[i].displacement))
         });
         let moved: Vec<(usize, f64)> = moved.collect();
         let mut near = q.to_vec();

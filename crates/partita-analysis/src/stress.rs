@@ -296,7 +296,7 @@ impl<'g, 'm> Balance<'g, 'm> {
             }
         }
         for row in system.model.closing_rows.min(size.rows)..size.rows {
-            if system.model.row_is_angle(system.row_of_model(row)) {
+            if system.model.structure().rows[system.row_of_model(row)].is_angle {
                 unit[row] = 1.0 / length;
             }
         }

@@ -354,7 +354,7 @@ impl Slave {
             let (model, t) = (self.model(), state.t);
             let ask = Ask { guess: vec![], fixed: vec![], levels: vec![], tolerance: tolerance::EQUAL };
             let q = poses::one(model, t, &self.first.q, &ask).map_err(words)?.q;
-            let rest = self.first.v.iter().all(|v| *v == 0.0) && !model.rheonomic();
+            let rest = self.first.v.iter().all(|v| *v == 0.0) && !model.structure().rheonomic;
             let near = &self.first.v;
             state.v = match rest {
                 true => near.clone(),

@@ -23,7 +23,7 @@ impl Model {
     /// The rates of a choice, numbers given from outside among its inputs; none where elements call functions of the user,
     /// frictions follow reactions, or bodies are massless.
     pub(crate) fn rates_of(&self, choice: &Choice, most: usize) -> Option<Recording> {
-        if self.lacks_mass() {
+        if self.structure().lacks_mass {
             return None;
         }
         let e = self.over::<Recorder>().ok()?;
@@ -64,9 +64,9 @@ impl Model {
         let mut out = vec![Recorder::zero(); self.size().nq];
         e.rate(q, &x.v, &mut out);
         out.extend(choice.independent.iter().map(|&i| x.vdot[i]));
-        let moves = self.rheonomic();
-        if self.has_power() || moves {
-            let applied = if self.has_power() { e.power(t, q, &x.v, &mut s)? } else { Recorder::zero() };
+        let moves = self.structure().rheonomic;
+        if self.structure().has_power || moves {
+            let applied = if self.structure().has_power { e.power(t, q, &x.v, &mut s)? } else { Recorder::zero() };
             out.push(applied + if moves { driving(e, (t, q), &x, &mut s)? } else { Recorder::zero() });
         }
         if moves || plan.is_some() {

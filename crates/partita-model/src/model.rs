@@ -28,8 +28,8 @@ use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Spatial};
 use partita_math::tolerance;
-use partita_system::clusters::Clusters;
 use partita_system::compiled::CompiledChoices;
+use partita_system::system::{Size, Structure};
 use partita_system::SystemError;
 use std::collections::HashSet;
 use std::f64::consts::PI;
@@ -43,40 +43,22 @@ pub struct Model {
     pub spec: Arc<Spec>,
     /// All rows: loop closures, couplings, drives.
     pub row_names: Vec<Row>,
-    /// Number of rows, the first ones, that constrain positions.
-    holonomic: usize,
     /// Number of rows, the first ones, that close joints.
     pub closing_rows: usize,
     /// Rows of the spatial loop closures that are redundant in the plane.
     pub out_of_plane: Vec<Row>,
-    pattern: Pattern,
+    structure: Structure,
     /// Sparsity of M, computed on first use.
     mass_layout: OnceLock<MassLayout>,
     /// Curves with breakpoints, computed on first use.
     curves: OnceLock<Curves>,
     /// Dependences of all outputs together, computed on first use.
     whole: OnceLock<Part>,
-    clusters: Clusters,
     preference: Preference,
-    has_power: bool,
     dense_projection: bool,
     /// Code of the rates of its choices.
     compiled: CompiledChoices,
     coordinates: Coordinates,
-    /// Velocity whose integral each coordinate is, if there is one.
-    velocity_of: Vec<Option<usize>>,
-    /// Coordinates that each velocity changes.
-    coordinates_of: Vec<std::ops::Range<usize>>,
-    /// Angles whose whole turns are not counted.
-    turns: Vec<bool>,
-    /// Angles after a whole turn of which all forces and conditions repeat.
-    repeats: Vec<bool>,
-    /// Characteristic displacement of each velocity.
-    displacement: Vec<f64>,
-    /// Largest closure error of each row under a large displacement.
-    row_displacement: Vec<Option<f64>>,
-    /// Rows that close directions.
-    row_is_angle: Vec<bool>,
     /// The decision about the drawing.
     geometry: Arc<Geometry>,
     /// The equations with derivatives, made on first use; none where `f64` alone can solve for frictions.
@@ -96,6 +78,7 @@ impl Deref for Model {
 
 mod actuated;
 mod geometry;
+mod notes;
 mod scales;
 mod scratch;
 mod system;
@@ -149,6 +132,12 @@ impl Model {
     pub fn with_recursion(mut self, preference: Preference) -> Self {
         self.preference = preference;
         self
+    }
+
+    /// Take a decision about the drawing.
+    fn decide(&mut self, geometry: Arc<Geometry>) {
+        self.structure.drawing = geometry.verdict(&self.spec);
+        self.geometry = geometry;
     }
 
     /// The decision about the drawing.
@@ -221,7 +210,7 @@ impl Model {
     /// Compiled again in another form; its geometry is already decided.
     fn same(&self, spec: Spec, form: (Coordinates, bool)) -> Result<Self, DescriptionError> {
         let mut made = Self::compiled(spec, self.functions(), form, false)?;
-        made.geometry = self.geometry.clone();
+        made.decide(self.geometry.clone());
         Ok(made)
     }
 
@@ -238,7 +227,7 @@ impl Model {
             }
             geometry.drawn = Some(drawn);
         }
-        model.geometry = Arc::new(geometry);
+        model.decide(Arc::new(geometry));
         Ok(model)
     }
 
@@ -274,13 +263,13 @@ impl Model {
     ) -> Result<Self, DescriptionError> {
         let (drives, functions) = (self.drives.clone(), self.callers.functions.clone());
         let mut made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
-        made.geometry = self.geometry.clone();
+        made.decide(self.geometry.clone());
         if moved {
             let (geometry, joints) = geometry::decide(&made, made.spec.drawing_tolerance);
             if joints.is_some() {
                 made = Self::new((*made.spec).clone(), made.functions(), self.coordinates)?;
             } else {
-                made.geometry = Arc::new(geometry);
+                made.decide(Arc::new(geometry));
             }
         }
         Ok(made.with_recursion(self.preference))
@@ -292,16 +281,17 @@ impl Model {
         numbers: Numbers<f64>,
         drives: Vec<DriveRow>,
         functions: Arc<dyn Functions>,
-        coordinates: Coordinates,
+        form: Coordinates,
     ) -> Result<Self, DescriptionError> {
-        let links = Links::new(&placed);
-        let callers =
-            Arc::new(Callers { functions, q_sizes: links.q_displacement.clone(), v_sizes: links.displacement.clone() });
+        let Links { mut coordinates, velocities, q_displacement } = Links::new(&placed);
+        let v_sizes = velocities.iter().map(|v| v.displacement).collect();
+        let given_count = functions.given_count();
+        let callers = Arc::new(Callers { functions, q_sizes: q_displacement, v_sizes });
         let placed = Arc::new(placed);
         let (mut own, [row_names, full_rows]) =
             Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
         let look = RowMeasures { spec: &spec, placed: &placed };
-        let (columns, row_displacement, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
+        let (columns, displacements, angles, (_, holonomic, _), closing_rows) = match &own.engine {
             Engine::Planar(tree) => {
                 (all_columns(tree), look.displacements(tree), look.angles(tree), tree.sizes(), tree.rows)
             }
@@ -317,52 +307,58 @@ impl Model {
             Vec::new()
         };
         let elements = &own.full.elements;
-        let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
-        own.following = following(&own, &spec, (&pattern, &row_displacement))?;
+        own.following = following(&own, &spec, (&pattern, &displacements))?;
         let clusters = match &own.engine {
             Engine::Planar(tree) => clusters::clusters(tree, &pattern),
             Engine::Full => clusters::clusters(&own.full, &pattern),
         };
-        let mut turns = links.turns;
         if elements.iter().any(Element::calls_function) {
-            turns.fill(false);
+            coordinates.iter_mut().for_each(|x| x.turns = false);
         }
-        let mut repeats = turns.clone();
+        coordinates.iter_mut().for_each(|x| x.repeats = x.turns);
         // in the plane an angle between two bodies adds up from those of the tree, whole turns included
         let coupled = own.full.conditions.iter().flat_map(Condition::readings);
         for q in coupled.flat_map(Measurement::counted) {
-            turns[q] = false;
-            repeats[q] = false;
+            (coordinates[q].turns, coordinates[q].repeats) = (false, false);
         }
         for element in elements {
-            element.depends_on().into_iter().flat_map(Measurement::counted).for_each(|q| turns[q] = false);
-            element.winds_up().into_iter().flat_map(Measurement::counted).for_each(|q| repeats[q] = false);
+            element.depends_on().into_iter().flat_map(Measurement::counted).for_each(|q| coordinates[q].turns = false);
+            element.winds_up().into_iter().flat_map(Measurement::counted).for_each(|q| coordinates[q].repeats = false);
         }
+        let drawing = Geometry::default().verdict(&spec);
+        let structure = Structure {
+            size: Size { nq: placed.nq, nv: placed.nv, rows: pattern.rows, holonomic },
+            pattern,
+            clusters,
+            coordinates,
+            velocities,
+            rows: row_names
+                .iter()
+                .zip(displacements)
+                .zip(angles)
+                .map(|((row, d), a)| row.described(&spec, d, a))
+                .collect(),
+            rheonomic: own.full.conditions.iter().any(Condition::is_rheonomic),
+            has_power: elements.iter().any(Element::is_dissipative),
+            lacks_mass: !placed.massless.is_empty(),
+            given_count,
+            drawing,
+        };
         let mut model = Self {
             own,
-            velocity_of: links.velocity_of,
-            coordinates_of: links.coordinates_of,
-            turns,
-            repeats,
-            displacement: links.displacement,
-            row_displacement,
-            row_is_angle,
-            coordinates,
+            structure,
+            coordinates: form,
             dense_projection: false,
             compiled: CompiledChoices::default(),
             spec: Arc::new(spec),
             row_names,
-            holonomic,
             closing_rows,
             out_of_plane,
-            pattern,
             mass_layout: OnceLock::new(),
             curves: OnceLock::new(),
             whole: OnceLock::new(),
-            clusters,
             preference: Preference::default(),
-            has_power,
             geometry: Arc::default(),
             varied: OnceLock::new(),
             spare: Arc::default(),
@@ -371,8 +367,8 @@ impl Model {
         model.dense_projection = model.dense_is_cheaper();
         if !model.placed.massless.is_empty() && !model.is_short_of_mass() {
             model.count_as_drawn();
-            let rows = (&model.pattern, &model.row_displacement[..]);
-            model.own.following = following(&model.own, &model.spec, rows)?;
+            let displacements: Vec<_> = model.structure.rows.iter().map(|row| row.displacement).collect();
+            model.own.following = following(&model.own, &model.spec, (&model.structure.pattern, &displacements))?;
         }
         Ok(model)
     }
@@ -382,7 +378,8 @@ impl Model {
         let n = self.placed.nv;
         let (mut s, mut near) = (self.own.scratch(), self.initial());
         // an irregular position: axes that coincide in the drawing do not there
-        let step: Vec<f64> = (0..n).map(|i| self.displacement[i] * (0.3 + 0.2 * (i as f64 * 1.7).sin())).collect();
+        let irregular = |(i, large): (usize, f64)| large * (0.3 + 0.2 * (i as f64 * 1.7).sin());
+        let step: Vec<f64> = self.structure.displacements().enumerate().map(irregular).collect();
         self.own.step(&mut near, &step);
         let (mut drawn, mut counted) = (vec![0.0; n], vec![0.0; n]);
         [self.initial(), near].iter().any(|q| {
@@ -402,6 +399,7 @@ impl Model {
 
     /// M is a metric: no link needs more than its own mass.
     fn count_as_drawn(&mut self) {
+        self.structure.lacks_mass = false;
         let mut placed = (*self.own.placed).clone();
         placed.massless.clear();
         self.own.placed = Arc::new(placed);
@@ -444,7 +442,7 @@ impl Model {
     /// For k near n the mass matrix is cheaper than k partial velocities: compare the two counts.
     fn dense_is_cheaper(&self) -> bool {
         let n = self.placed.nv;
-        let k = n.saturating_sub(self.pattern.rows);
+        let k = n.saturating_sub(self.structure.size.rows);
         let links = self.full.links.len();
         let partial = Self::partial_cost(links, k);
         // a column of M involves only the descendants of its velocity; then D M Dᵀ
@@ -541,23 +539,6 @@ impl Model {
     pub fn energy(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<(f64, f64), SystemError> {
         let [kinetic, potential, _] = self.energies(t, q, v, s)?;
         Ok((kinetic, potential))
-    }
-
-    /// The bodies that are held from spinning, in a sentence.
-    pub fn held_note(&self) -> Option<String> {
-        let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
-        let is = match names.len() {
-            0 => return None,
-            1 => "is",
-            _ => "are",
-        };
-        let more = if names.len() > 6 { ", ..." } else { "" };
-        let named = names.iter().take(6).copied().collect::<Vec<_>>().join(", ");
-        Some(format!(
-            "{named}{more} {is} held from spinning: without inertia about the axis that the joints leave {} free, \
-             this motion is indeterminate, and nothing else depends on it",
-            if names.len() == 1 { "it" } else { "them" }
-        ))
     }
 
     fn mass_error(&self, at: (usize, f64)) -> SystemError {

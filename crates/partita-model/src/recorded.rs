@@ -143,7 +143,7 @@ impl Model {
         e.dynamics(t, q, v, &mut s, &mut mass, &mut h)?;
         let lower = |m: &[Recorder]| lower(m, nv).collect::<Vec<_>>();
         let mut metric = Vec::new();
-        if self.lacks_mass() {
+        if self.structure().lacks_mass {
             let mut heavier = mass.clone();
             with_engine!(e, s, |tree, x| tree.add_massless(x, &mut heavier));
             metric = lower(&heavier);

@@ -30,7 +30,7 @@ struct Summary<'m> {
     closing_rows: usize,
     coordinates: &'m [String],
     velocities: &'m [String],
-    rows_names: Vec<String>,
+    rows_names: Vec<&'m str>,
     removed: Vec<Removed<'m>>,
     /// The largest change of a joint frame that makes it movable, or would.
     geometric_error: f64,
@@ -102,7 +102,7 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         closing_rows: m.closing_rows,
         coordinates: &m.placed.coordinate_names,
         velocities: &m.placed.velocity_names,
-        rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),
+        rows_names: m.row_names.iter().map(|row| row.name.as_str()).collect(),
         removed: redundant.iter().map(|x| Removed { row: &x.row, why: &x.why }).collect(),
         geometric_error: mobility.map_or(0.0, |x| x.geometric_error),
         repaired: m.geometry().geometric_error(),

@@ -139,7 +139,7 @@ fn not_held(rest: &Rest<Model>, here: &Here, unknown: &[Unknown], rank: Option<u
     let names: Vec<&str> = unknown.iter().map(|u| u.name.as_str()).collect();
     let k = here.force.len();
     let (i, effort) = here.most(&rest.displacement).unwrap_or((0, 0.0));
-    let along = rest.reduction.system.velocity_name(i);
+    let along = &rest.reduction.system.structure().velocities[i].name;
     let why = match rank {
         Some(rank) if rank < k => {
             let s = if k == 1 { "" } else { "s" };

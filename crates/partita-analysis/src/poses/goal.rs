@@ -112,8 +112,8 @@ impl Target {
         let unit = |turn: bool| if turn { "rad" } else { "m" };
         match *goal {
             Goal::Own { q } => {
-                let v = model.velocity_of_coordinate(q).ok_or_else(refuse)?;
-                let displacement = model.characteristic_displacement(v);
+                let v = model.structure().coordinates[q].velocity.ok_or_else(refuse)?;
+                let displacement = model.structure().velocities[v].displacement;
                 let turn = model.placed.links.iter().any(|l| l.v == v && matches!(l.motion, Motion::Turn(_)));
                 Ok(named(Source::Own { q, v }, displacement, unit(turn), vec![v], Part::default()))
             }

@@ -15,6 +15,7 @@ use partita_system::error::six_digits;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::record::{Output, Sample};
+use partita_system::system::Levels;
 use partita_system::SystemError;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -197,7 +198,10 @@ impl<E: Equations> Balance for UserSystem<E> {
 
     fn agree(&self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
         match self.is_checked() {
-            true => derivatives::check(&self.equations, t, q, v, self.lengths()),
+            true => {
+                let lengths: Vec<f64> = self.structure().displacements().collect();
+                derivatives::check(&self.equations, t, q, v, &lengths)
+            }
             false => Ok(()),
         }
     }

@@ -59,9 +59,11 @@ impl TreeLaw {
                 continue;
             };
             let weight: Vec<f64> = match law {
-                Law::Linear { factors, .. } => {
-                    factors.iter().zip(&at).map(|(f, x)| f.abs() * model.characteristic_displacement(x.1)).collect()
-                }
+                Law::Linear { factors, .. } => factors
+                    .iter()
+                    .zip(&at)
+                    .map(|(f, x)| f.abs() * model.structure().velocities[x.1].displacement)
+                    .collect(),
                 Law::Curve { .. } => vec![1.0, 0.0],
                 Law::Motion { .. } | Law::Rate(_) | Law::Function(_) => continue,
             };

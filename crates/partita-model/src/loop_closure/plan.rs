@@ -62,10 +62,10 @@ impl<'m> LoopClosing<'m> {
     pub(super) fn new(at: &Instant<'m>, q: &[f64], inputs: &[usize]) -> Result<Self, SystemError> {
         let model = &*at.model;
         let size = model.size();
-        let names = || inputs.iter().map(|&i| model.velocity_name(i)).collect::<Vec<_>>().join(", ");
+        let names = || model.structure().names(inputs);
         let driven = |d: &&DriveRow| d.velocity().is_some_and(|v| inputs.binary_search(&v).is_ok());
         if let Some((d, v)) = model.drives.iter().find(driven).and_then(|d| Some((d, d.velocity()?))) {
-            let name = model.velocity_name(v);
+            let name = &model.structure().velocities[v].name;
             return Err(SystemError::argument(
                 "independent",
                 format!("{name} is driven by \"{}\": it cannot be an input; leave it out", d.name),
@@ -214,8 +214,7 @@ impl<'m> LoopClosing<'m> {
             let solved: Vec<usize> =
                 missing.into_iter().filter(|&e| graph.edges[e].velocities().any(|v| unknown.contains(&v))).collect();
             order.learned(&solved);
-            let names: Vec<String> = unknown.iter().map(|&v| model.velocity_name(v)).collect();
-            let words = format!("implicit block of {} ({})", unknown.len(), names.join(", "));
+            let words = format!("implicit block of {} ({})", unknown.len(), model.structure().names(&unknown));
             self.push(Work::Implicit(Implicit::new(at, rows, unknown, &others)), words, solved, 0);
         }
         let largest = self.steps.iter().map(|s| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 });
@@ -332,7 +331,7 @@ impl<'m> LoopClosing<'m> {
                 Some(j) => format!("\"{}\"", self.model.spec.joints[j].name),
                 None => {
                     let v = self.graph.edges[e].velocities().start;
-                    format!("\"{}\"", self.model.velocity_name(v))
+                    format!("\"{}\"", self.model.structure().velocities[v].name)
                 }
             }
         };

@@ -93,7 +93,7 @@ impl Model {
         let numbers = Numbers::new(&spec, &placed);
         let rows = drives(&spec, &placed, compile::row_count(&placed))?;
         let mut made = Self::made(spec, placed, numbers, rows, self.functions(), self.coordinates)?;
-        made.geometry = self.geometry.clone();
+        made.decide(self.geometry.clone());
         Ok(made.with_recursion(self.preference))
     }
 }

@@ -92,9 +92,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             describer: Describer::new(system.clone(), r.rank(), r.is_dense() || r.k() <= DESCRIBED_AS_ONE),
             tangent,
             positions,
-            observes_work: system.has_power() || system.rheonomic(),
+            observes_work: system.structure().has_power || system.structure().rheonomic,
             margin: None,
-            drawing_errors: system.drawing_errors(),
+            drawing_errors: system.structure().drawing.errors,
             moved: true,
             levels_at: f64::NAN,
             planned_from: false,
@@ -205,7 +205,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let q = self.positions.q();
         let r = self.tangent.reduction();
         let applied = r.system.power(t, q, &r.v, &mut r.scratch)?;
-        Ok(applied + if self.system.rheonomic() { self.tangent.driving(t, q)? } else { 0.0 })
+        Ok(applied + if self.system.structure().rheonomic { self.tangent.driving(t, q)? } else { 0.0 })
     }
 
     /// Whether (t, y) is the end of the step that was judged, its loops closed to round-off and its levels evaluated.

@@ -223,7 +223,8 @@ pub fn squeezer() -> Drawing {
 }
 
 pub fn velocity(model: &Model, name: &str) -> usize {
-    (0..model.size().nv).find(|&i| model.velocity_name(i) == name).unwrap_or_else(|| panic!("no velocity {name}"))
+    model.structure().velocities.iter().position(|v| &*v.name == name)
+        .unwrap_or_else(|| panic!("no velocity {name}"))
 }
 
 pub fn coordinate(model: &Model, name: &str) -> usize {
@@ -289,7 +290,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
             }
             velocities(model, &samples, h)
         };
-        let h = 1e-3 * model.characteristic_displacement(input);
+        let h = 1e-3 * model.structure().velocities[input].displacement;
         let (coarse, found) = (differences(2.0 * h), differences(h));
         let (_, c) = position(model, t, &samples[2]);
         let mut v = vec![0.0; found.len()];
@@ -308,7 +309,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
                     if let Some(j) = b.unknown.iter().position(|&u| u == k) {
                         m[i * n + j] = value;
                     } else if value != 0.0 {
-                        assert!(solved[k], "{}: row {r} needs {}", b.words, model.velocity_name(k));
+                        assert!(solved[k], "{}: row {r} needs {}", b.words, model.structure().velocities[k].name);
                         x[i] -= value * v[k];
                     }
                 }
@@ -317,7 +318,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
             lu(&mut m, n, &mut pivots).unwrap();
             lu_solve(&m, n, &pivots, &mut x);
             for (&u, x) in b.unknown.iter().zip(x) {
-                assert!(!std::mem::replace(&mut solved[u], true), "{} twice", model.velocity_name(u));
+                assert!(!std::mem::replace(&mut solved[u], true), "{} twice", model.structure().velocities[u].name);
                 v[u] = x;
             }
         }
@@ -325,7 +326,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
         for (i, (a, b)) in found.iter().zip(&v).enumerate() {
             // the error of the differences is a fifteenth of what halving their step changes, their round-off 1e-15/h
             let allowed = 1e-8 * (1.0 + b.abs()) + 0.2 * (coarse[i] - a).abs();
-            assert!((a - b).abs() < allowed, "{}: {a} by differences, {b}", model.velocity_name(i));
+            assert!((a - b).abs() < allowed, "{}: {a} by differences, {b}", model.structure().velocities[i].name);
         }
     }
 }

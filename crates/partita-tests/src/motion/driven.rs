@@ -80,7 +80,7 @@ fn energy_less_work_is_kept() {
             );
             assert!(samples.iter().all(|s| s.closure < 1e-11 && s.velocity_closure < 1e-10));
             marched += 1;
-            driven += usize::from(model.rheonomic());
+            driven += usize::from(model.structure().rheonomic);
         });
         assert!(marched >= 20 && driven >= 3, "{marched} {driven}");
     }
@@ -181,7 +181,7 @@ fn speeds_that_nobody_asked_for_take_the_least_energy() {
                 assert!(along(&motion, &v).abs() < 1e-10 * size, "{:e}", along(&motion, &v) / size);
             }
             asked += 1;
-            driven += usize::from(model.rheonomic());
+            driven += usize::from(model.structure().rheonomic);
         });
     }
     assert!(asked >= 20 && driven >= 5, "{asked} {driven}");

@@ -261,7 +261,7 @@ fn power_balance() {
         });
         let (_, _, a) = position(model, m.t, &m.q);
         let power = model.power(m.t, &m.q, &m.v, &mut s).unwrap() - dense::dot(&m.lambda, &a);
-        driven += usize::from(model.rheonomic());
+        driven += usize::from(model.structure().rheonomic);
         let size = 1.0 + energy[0].abs() + m.vdot.iter().fold(0.0, |s: f64, x| s.max(x.abs()));
         assert!((energy[0] - power).abs() < DIFFERENCE * size, "{} against {power}", energy[0]);
     });

@@ -176,11 +176,10 @@ impl Model {
     /// Measure displacements in fractions of this length.
     pub(super) fn measure_in(&mut self, length: f64) {
         for l in self.own.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Slide(_))) {
-            self.displacement[l.v] = length;
+            self.structure.velocities[l.v].displacement = length;
         }
-        let closings = self.closing_rows;
-        let rows = self.row_displacement.iter_mut().zip(&self.row_is_angle).take(closings).filter(|x| !x.1);
-        rows.for_each(|(size, _)| *size = Some(length));
+        let closings = self.structure.rows[..self.closing_rows].iter_mut();
+        closings.filter(|row| !row.is_angle).for_each(|row| row.displacement = Some(length));
     }
 }
 

@@ -53,12 +53,13 @@ pub(super) struct Prescribed<S: ConstrainedSystem> {
 impl<S: ConstrainedSystem> Prescribed<S> {
     pub(super) fn new(system: &S) -> Self {
         let (size, pattern) = (system.size(), system.pattern());
-        let rows: Vec<usize> = (0..size.rows).filter(|&i| system.row_may_jump(i)).collect();
+        let rows: Vec<usize> = (0..size.rows).filter(|&i| system.structure().rows[i].may_jump).collect();
         let mut velocities: Vec<usize> =
             rows.iter().flat_map(|&i| pattern.row(i)).map(|e| pattern.col_idx[e]).collect();
         velocities.sort_unstable();
         velocities.dedup();
-        let mut coordinates: Vec<usize> = velocities.iter().flat_map(|&i| system.coordinates_of(i)).collect();
+        let mut coordinates: Vec<usize> =
+            velocities.iter().flat_map(|&i| system.structure().velocities[i].coordinates.clone()).collect();
         coordinates.sort_unstable();
         coordinates.dedup();
         let none = [0.0; 2];
@@ -123,7 +124,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         for e in pattern.row(row) {
             let i = pattern.col_idx[e];
             sizes[1] += (self.c[e] * self.v[i]).abs();
-            let own = system.coordinates_of(i);
+            let own = system.structure().velocities[i].coordinates.clone();
             if own.len() == 1 {
                 sizes[0] += (self.c[e] * self.q[own.start]).abs();
             }
@@ -229,7 +230,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
     }
 
     fn prescribed_jump(&self, t: f64, of: &PrescribedGap, by: f64) -> SystemError {
-        let what = self.system.row_owner(of.row);
+        let what = &*self.system.structure().rows[of.row].owner;
         SystemError::Jump { what: what.into(), t, by: by.abs(), rate: of.level == PrescribedLevel::Rate }
     }
 }
