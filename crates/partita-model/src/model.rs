@@ -33,12 +33,12 @@ use partita_system::system::{Size, Structure};
 use partita_system::SystemError;
 use std::collections::HashSet;
 use std::f64::consts::PI;
-use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
 /// A compiled mechanism: an [`Evaluator`] over `f64`, and its structure. It is immutable; threads share it.
 pub struct Model {
-    own: Evaluator<f64>,
+    /// The equations over `f64`.
+    pub(crate) own: Evaluator<f64>,
     /// The description it was made from.
     pub spec: Arc<Spec>,
     /// All rows: loop closures, couplings, drives.
@@ -57,7 +57,7 @@ pub struct Model {
     preference: Preference,
     dense_projection: bool,
     /// Code of the rates of its choices.
-    compiled: CompiledChoices,
+    pub(crate) compiled: CompiledChoices,
     coordinates: Coordinates,
     /// The decision about the drawing.
     geometry: Arc<Geometry>,
@@ -67,13 +67,6 @@ pub struct Model {
     spare: Arc<Spare>,
     /// The mechanism itself, where its drives were replaced by actuators.
     mechanism: Option<Arc<Model>>,
-}
-
-impl Deref for Model {
-    type Target = Evaluator<f64>;
-    fn deref(&self) -> &Evaluator<f64> {
-        &self.own
-    }
 }
 
 mod actuated;

@@ -6,22 +6,16 @@ use super::Model;
 use crate::clusters::{Plan, Preference, Route, Tangents};
 use crate::evaluator::{with_engine, Engine};
 use crate::joint::{Motion, Own};
-use crate::loop_closure::LoopClosing;
 use crate::tree::LinkMotion;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
-use partita_math::scalar::Recording;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_math::tolerance;
 use partita_system::breakpoints::{Breakpoints, Reading};
-use partita_system::choice::Choice;
-use partita_system::closing::Closing;
-use partita_system::compiled::CompiledRates;
 use partita_system::guards::{Guard, GuardReading};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Structure, Tangent};
-use partita_system::system::{Clustered, Guards, Levels, Manifold, Methods, Metric};
-use partita_system::{SystemError, SystemRef};
-use std::sync::Arc;
+use partita_system::system::{Clustered, Guards, Levels, Manifold, Metric};
+use partita_system::SystemError;
 
 /// Up to this many degrees of freedom one small M_d costs less than any recursion, and existing bases use the same
 /// method.
@@ -133,37 +127,6 @@ impl Levels for Model {
             return Ok(0.0);
         }
         self.own.power(t, q, v, s)
-    }
-}
-
-impl Methods for Model {
-    fn clustered(&self) -> Option<&dyn Clustered<ModelScratch>> {
-        Some(self)
-    }
-    fn closing<'s>(
-        system: SystemRef<'s, Self>,
-        t: f64,
-        q: &[f64],
-        inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
-    where
-        Self: 's,
-    {
-        Ok(Box::new(LoopClosing::of(system, t, q, inputs)?))
-    }
-    fn recorded_rates(&self, choice: &Choice, most: usize) -> Option<Recording> {
-        self.rates_of(choice, most)
-    }
-    fn compiled_rates(&self, choice: &Choice) -> Option<Arc<CompiledRates>> {
-        self.compiled.of(choice)
-    }
-    fn given_number(&self, place: usize) -> f64 {
-        self.callers.functions.given_number(place)
-    }
-    fn beside(system: &SystemRef<Self>, work: impl FnOnce(&Self) + Send + 'static) -> bool {
-        let SystemRef::Shared(model) = system else { return false };
-        let model = model.clone();
-        std::thread::Builder::new().spawn(move || work(&model)).is_ok()
     }
 }
 
