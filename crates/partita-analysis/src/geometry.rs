@@ -37,13 +37,13 @@ pub(crate) fn in_space(model: &Model, q: &[f64]) -> Result<(Model, Vec<f64>), An
 
 /// The coordinates in space of the `twin` that [`Model::in_space`] made.
 pub(crate) fn lifted(model: &Model, twin: &Model, q: &[f64]) -> Vec<f64> {
-    if twin.placed.nq == model.placed.nq {
+    if twin.size().nq == model.size().nq {
         return q.to_vec();
     }
     let mut lifted = twin.initial();
-    let out = model.placed.basis;
-    for (planar, body) in model.placed.bodies.iter().zip(&twin.placed.bodies) {
-        let (turn, ball) = (model.placed.links[planar.link].q, twin.placed.links[body.link].q);
+    let out = model.basis();
+    for (planar, body) in model.zero_position().bodies.iter().zip(&twin.zero_position().bodies) {
+        let (turn, ball) = (model.zero_position().links[planar.link].q, twin.zero_position().links[body.link].q);
         let shift = out.apply_transposed(Vec3([q[turn - 2], q[turn - 1], 0.0]));
         let rotation = Quaternion::exp(out.apply_transposed(Vec3([0.0, 0.0, q[turn]])));
         lifted[ball - 3..ball].copy_from_slice(&shift.0);
@@ -82,19 +82,19 @@ impl<'m> Geometry<'m> {
         let columns: Vec<Vec<usize>> = rows.iter().map(|&i| all.col_idx[all.row(i)].to_vec()).collect();
         let pattern = Pattern::from_rows(all.cols, &columns);
         let holonomic = rows.iter().filter(|&&i| i < model.size().holonomic).count();
-        let mut scale2 = vec![1.0; model.placed.nv];
-        for l in model.full.links.iter().skip(1) {
+        let mut scale2 = vec![1.0; model.size().nv];
+        for l in model.equations().full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Slide(_)) {
-                scale2[l.v] = model.placed.length.powi(2);
+                scale2[l.v] = model.length().powi(2);
             }
         }
         let mut row_displacement = Vec::with_capacity(model.pattern().rows);
-        for k in &model.full.closings {
-            let point = model.placed.joints[k.joint].child_point;
+        for k in &model.equations().full.closings {
+            let point = model.zero_position().joints[k.joint].child_point;
             let length =
-                k.path.iter().fold(LEAST_LOOP * model.placed.size, |m: f64, p| match model.full.links[p.link].motion {
-                    LinkMotion::Slide(_) => model.placed.length,
-                    _ => m.max((point - model.placed.links[p.link].point).norm()),
+                k.path.iter().fold(LEAST_LOOP * model.extent(), |m: f64, p| match model.equations().full.links[p.link].motion {
+                    LinkMotion::Slide(_) => model.length(),
+                    _ => m.max((point - model.zero_position().links[p.link].point).norm()),
                 });
             row_displacement.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
         }

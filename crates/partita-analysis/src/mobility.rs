@@ -71,7 +71,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let (twin, q) = in_space(model, q)?;
     let released = Geometry::new(&twin, false);
     let free = analyse(&released, t, &q)?;
-    let (nv, bodies) = (twin.placed.nv, twin.placed.bodies.len());
+    let (nv, bodies) = (twin.size().nv, twin.spec.bodies.len());
     let pose = Pose::new(&twin, t, &q);
     let mut redundant = Vec::with_capacity(free.dropped.len());
     let of_rows = stresses(&released, &pose, &free, t, &q)?;
@@ -86,7 +86,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     }
     let mut found = Mobility {
         mobility: nv - free.rank,
-        joint_rows: twin.placed.joints.iter().map(|p| p.shape.conditions()).sum::<usize>() + twin.coupling_rows(),
+        joint_rows: twin.zero_position().joints.iter().map(|p| p.shape.conditions()).sum::<usize>() + twin.coupling_rows(),
         joint_rank: 6 * bodies + free.rank - nv,
         closing_rows: released.size().rows,
         closing_rank: free.rank,
@@ -98,12 +98,12 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         smallest: released.distance(&free, t, &q)?,
         dropped: free.dropped.iter().map(|&i| released.row_of_model(i)).collect(),
     };
-    if !twin.drives.is_empty() {
+    if !twin.drives().is_empty() {
         let driven = Geometry::new(&twin, true);
         let start = analyse(&driven, t, &q)?;
         let rank = start.rank;
         found.smallest = driven.distance(&start, t, &q)?;
-        if rank < found.closing_rank + twin.drives.len() {
+        if rank < found.closing_rank + twin.drives().len() {
             superfluous_drives(&driven, t, &q, &mut found)?;
         }
         found.mobility = nv - rank;
@@ -141,7 +141,7 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
     let mut rows: Vec<usize> = model.undriven().filter(|i| found.dropped.binary_search(i).is_err()).collect();
     let mut before: Vec<&str> = Vec::new();
     let has_motion = found.mobility > 0;
-    for d in &model.drives {
+    for d in model.drives() {
         rows.push(d.row);
         let columns: Vec<Vec<usize>> = rows.iter().map(|&i| pattern.col_idx[pattern.row(i)].to_vec()).collect();
         let values: Vec<f64> = rows.iter().flat_map(|&i| &c[pattern.row(i)]).copied().collect();
@@ -241,7 +241,7 @@ mod tests {
         spec.joints.push(joint("shoulder", Revolute, "ground", "arm", [0.0, -1.0, 0.0], [1.0, 0.2, 0.1]));
         let m = model(tilted(spec));
         let mut q = m.initial();
-        let shoulder = m.placed.velocity_names.iter().position(|n| n == "shoulder").unwrap();
+        let shoulder = m.structure().velocities.iter().position(|v| &*v.name == "shoulder").unwrap();
         for angle in [0.0, 0.3, 0.7, 1.9, -2.5] {
             q[shoulder] = angle;
             let found = mobility(&m, 0.0, &q).unwrap();

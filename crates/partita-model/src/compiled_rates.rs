@@ -28,7 +28,7 @@ impl Model {
         }
         let e = self.over::<Recorder>().ok()?;
         let (nq, k) = (self.size().nq, choice.k());
-        let inputs = [nq + k + 1, self.callers.functions.given_count()];
+        let inputs = [nq + k + 1, self.own.callers.functions.given_count()];
         let of = |x: &[Recorder]| self.record_rates(&e, choice, (x[nq + k], &x[..nq], &x[nq..nq + k]));
         Recording::of_parts(most, inputs, of).ok()?
     }

@@ -188,7 +188,7 @@ impl<'m> Inputs<'m> {
             return Err(SystemError::argument(argument, message));
         }
         let rank = start::analyse(model, t, q)?.rank;
-        let (dof, spins) = (size.nv - rank, spin::idle(&model.spec, &model.placed).len());
+        let (dof, spins) = (size.nv - rank, spin::idle(&model.spec, &model.own.placed).len());
         if named.len() != dof && named.len() + spins != dof {
             let message = format!(
                 "{} velocities are named, but the mechanism has {} degrees of freedom{}",

@@ -33,7 +33,7 @@ impl Methods for Model {
         self.compiled.of(choice)
     }
     fn given_number(&self, place: usize) -> f64 {
-        self.callers.functions.given_number(place)
+        self.own.callers.functions.given_number(place)
     }
     fn beside(system: &SystemRef<Self>, work: impl FnOnce(&Self) + Send + 'static) -> bool {
         let SystemRef::Shared(model) = system else { return false };

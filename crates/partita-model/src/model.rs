@@ -8,6 +8,7 @@ use crate::coupling::{self, Condition, Law, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Wide};
 use crate::force::Element;
+use crate::joint::Shape;
 use crate::massless;
 use crate::measurement::Measurement;
 use crate::mechanics::Mechanics;
@@ -20,13 +21,14 @@ use crate::rotors;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
 use crate::spec::{Coupling, JointKind, Measure, Spec};
+use crate::topology::TreeEdge;
 use crate::tree::LinkMotion;
 use crate::validate;
 use crate::value::{Abscissa, Callers, Functions};
 use crate::zero_position::{Coordinates, Placed};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
-use partita_math::spatial::{Space, Spatial};
+use partita_math::spatial::{Mat3, Space, Spatial};
 use partita_math::tolerance;
 use partita_system::compiled::CompiledChoices;
 use partita_system::system::{Size, Structure};
@@ -118,13 +120,73 @@ impl Model {
 
     /// The functions given with its description.
     pub fn functions(&self) -> Arc<dyn Functions> {
-        self.callers.functions.clone()
+        self.own.callers.functions.clone()
     }
 
     /// The same model with its reduced equations computed by this method.
     pub fn with_recursion(mut self, preference: Preference) -> Self {
         self.preference = preference;
         self
+    }
+
+    /// Its equations over `f64`, by which outputs and reactions are computed.
+    pub fn equations(&self) -> &Evaluator<f64> {
+        &self.own
+    }
+
+    /// Its zero position: bodies, joints and links in the axes of the mechanism.
+    pub fn zero_position(&self) -> &Placed {
+        &self.own.placed
+    }
+
+    /// Mechanism axes from world axes (rows).
+    pub fn basis(&self) -> Mat3<f64> {
+        self.own.placed.basis
+    }
+
+    /// Characteristic length: the extent of a typical body.
+    pub fn length(&self) -> f64 {
+        self.own.placed.length
+    }
+
+    /// Extent of the whole drawing.
+    pub fn extent(&self) -> f64 {
+        self.own.placed.size
+    }
+
+    /// Kinematic shape of joint `j`.
+    pub fn shape(&self, j: usize) -> &Shape {
+        &self.own.placed.joints[j].shape
+    }
+
+    /// Number of a joint.
+    pub fn joint_number(&self, name: &str) -> Option<usize> {
+        self.own.placed.joint_numbers.get(name).copied()
+    }
+
+    /// Joints of the tree.
+    pub fn tree(&self) -> &[TreeEdge] {
+        &self.own.placed.topology.tree
+    }
+
+    /// Joints that are cut.
+    pub fn cuts(&self) -> &[usize] {
+        &self.own.placed.topology.cuts
+    }
+
+    /// Prescribed motions.
+    pub fn drives(&self) -> &[DriveRow] {
+        &self.own.drives
+    }
+
+    /// Names of the coordinates.
+    pub fn coordinate_names(&self) -> &[String] {
+        &self.own.placed.coordinate_names
+    }
+
+    /// Names of the velocities.
+    pub fn velocity_names(&self) -> &[String] {
+        &self.own.placed.velocity_names
     }
 
     /// Take a decision about the drawing.
@@ -163,10 +225,10 @@ impl Model {
         }
         let mut spec = (*self.spec).clone();
         if self.needs_turns() {
-            let mut s = self.scratch();
-            self.look(q, &vec![0.0; self.placed.nv], &mut s);
+            let mut s = self.own.scratch();
+            self.own.look(q, &vec![0.0; self.own.placed.nv], &mut s);
             for (i, abscissa) in self.counted_curves() {
-                let x = abscissa.value(&self.full, &s.full, q);
+                let x = abscissa.value(&self.own.full, &s.full, q);
                 if let Coupling::Curve { curve, .. } = &mut spec.couplings[i] {
                     *curve = curve.around(x, PI);
                 }
@@ -182,7 +244,7 @@ impl Model {
 
     /// Couplings by curves over angles that are counted in the plane alone, with these.
     fn counted_curves(&self) -> impl Iterator<Item = (usize, &Measurement<Spatial<f64>>)> {
-        self.full.conditions.iter().filter_map(|c| match (&c.says, c.owner) {
+        self.own.full.conditions.iter().filter_map(|c| match (&c.says, c.owner) {
             (Says::Law(Law::Curve { abscissa: Abscissa::Known, .. }, readings), Owner::Coupling(i)) => {
                 readings.get(1).filter(|x| !x.adds_up.is_empty()).map(|x| (i, x))
             }
@@ -254,7 +316,7 @@ impl Model {
         numbers: Numbers<f64>,
         moved: bool,
     ) -> Result<Self, DescriptionError> {
-        let (drives, functions) = (self.drives.clone(), self.callers.functions.clone());
+        let (drives, functions) = (self.own.drives.clone(), self.own.callers.functions.clone());
         let mut made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
         made.decide(self.geometry.clone());
         if moved {
@@ -358,7 +420,7 @@ impl Model {
             mechanism: None,
         };
         model.dense_projection = model.dense_is_cheaper();
-        if !model.placed.massless.is_empty() && !model.is_short_of_mass() {
+        if !model.own.placed.massless.is_empty() && !model.is_short_of_mass() {
             model.count_as_drawn();
             let displacements: Vec<_> = model.structure.rows.iter().map(|row| row.displacement).collect();
             model.own.following = following(&model.own, &model.spec, (&model.structure.pattern, &displacements))?;
@@ -368,7 +430,7 @@ impl Model {
 
     /// Whether the least masses of massless links change a metric, in the drawing or next to it.
     fn is_short_of_mass(&self) -> bool {
-        let n = self.placed.nv;
+        let n = self.own.placed.nv;
         let (mut s, mut near) = (self.own.scratch(), self.initial());
         // an irregular position: axes that coincide in the drawing do not there
         let irregular = |(i, large): (usize, f64)| large * (0.3 + 0.2 * (i as f64 * 1.7).sin());
@@ -407,8 +469,8 @@ impl Model {
     /// Fails where a user function would have to be called and cannot be (a recording).
     pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
         self.refuse_following()?;
-        let numbers = Numbers::new(&self.spec, &self.placed);
-        let made = Evaluator::new(&self.spec, self.placed.clone(), numbers, self.drives.clone(), self.callers.clone());
+        let numbers = Numbers::new(&self.spec, &self.own.placed);
+        let made = Evaluator::new(&self.spec, self.own.placed.clone(), numbers, self.own.drives.clone(), self.own.callers.clone());
         Ok(made?.0)
     }
 
@@ -434,13 +496,13 @@ impl Model {
 
     /// For k near n the mass matrix is cheaper than k partial velocities: compare the two counts.
     fn dense_is_cheaper(&self) -> bool {
-        let n = self.placed.nv;
+        let n = self.own.placed.nv;
         let k = n.saturating_sub(self.structure.size.rows);
-        let links = self.full.links.len();
+        let links = self.own.full.links.len();
         let partial = Self::partial_cost(links, k);
         // a column of M involves only the descendants of its velocity; then D M Dᵀ
         let mut depth = vec![0; links];
-        (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
+        (1..links).for_each(|i| depth[i] = depth[self.own.full.links[i].parent] + 1);
         let steps: usize = depth.iter().sum();
         let dense = steps * 60 + n * n * k.min(n) / 2;
         dense < partial
@@ -454,7 +516,7 @@ impl Model {
     /// Number of multiplications for one dense M_d of k degrees of freedom, its factor included.
     fn dense_cost(&self, k: usize) -> usize {
         let scale = if self.is_planar() { 1 } else { 4 };
-        scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
+        scale * Self::partial_cost(self.own.full.links.len(), k) / 2 + k * k * k / 6
     }
 
     fn mass_layout(&self) -> &MassLayout {
@@ -480,7 +542,7 @@ impl Model {
 
     /// Whether all motions lie in one plane.
     pub fn is_planar(&self) -> bool {
-        self.placed.planar
+        self.own.placed.planar
     }
 
     /// Whether it moves in one plane under loads in this plane, so that all reactions lie in the plane.
@@ -488,13 +550,13 @@ impl Model {
         let of_joint = |row: &Row| matches!(row.owner, Owner::Joint(_));
         self.is_planar()
             && !self.row_names[self.closing_rows..].iter().any(of_joint)
-            && planarity::loads_lie_in_plane(&self.spec, self.placed.basis.0[2])
+            && planarity::loads_lie_in_plane(&self.spec, self.own.placed.basis.0[2])
     }
 
     /// Coordinates of the drawing: zero, and unit quaternions.
     pub fn initial(&self) -> Vec<f64> {
-        let mut q = vec![0.0; self.placed.nq];
-        for l in self.full.links.iter().skip(1) {
+        let mut q = vec![0.0; self.own.placed.nq];
+        for l in self.own.full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Ball) {
                 q[l.q] = 1.0;
             }
@@ -530,12 +592,12 @@ impl Model {
 
     /// Kinetic and potential energy at the last `velocity`.
     pub fn energy(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<(f64, f64), SystemError> {
-        let [kinetic, potential, _] = self.energies(t, q, v, s)?;
+        let [kinetic, potential, _] = self.own.energies(t, q, v, s)?;
         Ok((kinetic, potential))
     }
 
     fn mass_error(&self, at: (usize, f64)) -> SystemError {
-        SystemError::Mass { name: self.placed.velocity_names[at.0].clone(), pivot: at.1 }
+        SystemError::Mass { name: self.own.placed.velocity_names[at.0].clone(), pivot: at.1 }
     }
 }
 

@@ -54,7 +54,7 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
         "coordinates_of": coordinates,
         "displacement": velocities.iter().map(|v| v.displacement).collect::<Vec<_>>(),
         "names": velocities.iter().map(|v| &*v.name).collect::<Vec<_>>(),
-        "length": model.placed.length,
+        "length": model.length(),
     });
     Ok((made.module.bytes, reported.to_string()))
 }

@@ -78,7 +78,7 @@ pub fn preload(model: &Model, t: f64, q: &[f64], unknown: &[Unknown]) -> Result<
     let rank = start::analyse(model, t, q)?.rank;
     let numbers: Vec<(usize, usize)> =
         values.iter().enumerate().flat_map(|(i, x)| (0..x.len()).map(move |j| (i, j))).collect();
-    let length = model.placed.length;
+    let length = model.length();
     let mut scales = Vec::new();
     let (mut energy, mut first) = (1.0, 0.0);
     let (mut before, mut moved, mut step) = (f64::INFINITY, f64::INFINITY, 0);

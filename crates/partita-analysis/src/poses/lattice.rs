@@ -84,7 +84,7 @@ impl<'m> Lattice<'m> {
             && start.free.iter().all(|free| *free)
             && start.is_watched()
             && model.size().nv <= WATCHED
-            && !model.calls_functions();
+            && !model.equations().calls_functions();
         let evaluator = fits.then(|| model.over::<Lanes>().ok()).flatten()?;
         let held: Vec<usize> = own.iter().map(|own| own.1).collect();
         let plan = Arc::new(model.adjacent_closing(t, &start.q, &held).ok()??);

@@ -88,7 +88,7 @@ impl Model {
 
     /// Conditions on rates alone do not determine positions.
     fn refuse_rates(&self) -> Result<(), SystemError> {
-        match self.full.conditions.iter().find(|c| !c.holonomic) {
+        match self.own.full.conditions.iter().find(|c| !c.holonomic) {
             None => Ok(()),
             Some(c) => {
                 let message = format!(

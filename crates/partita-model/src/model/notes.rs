@@ -7,7 +7,7 @@ use partita_system::SystemError;
 impl Model {
     /// The bodies that are held from spinning, in a sentence.
     pub fn held_note(&self) -> Option<String> {
-        let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
+        let names: Vec<&str> = self.own.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
         let is = match names.len() {
             0 => return None,
             1 => "is",
@@ -25,12 +25,12 @@ impl Model {
     /// Names of the bodies that move at these velocities.
     pub fn bodies_moved(&self, q: &[f64], v: &[f64]) -> Vec<String> {
         let mut s = self.own.scratch();
-        self.look(q, v, &mut s);
+        self.own.look(q, v, &mut s);
         let speed = |link: usize| {
             let x = &s.full.links[link];
-            x.w.norm().max(x.u.norm() / self.placed.length)
+            x.w.norm().max(x.u.norm() / self.own.placed.length)
         };
-        let all: Vec<f64> = self.placed.bodies.iter().map(|b| speed(b.link)).collect();
+        let all: Vec<f64> = self.own.placed.bodies.iter().map(|b| speed(b.link)).collect();
         let most = all.iter().copied().fold(0.0, f64::max);
         let moving = self.spec.bodies.iter().zip(all).filter(|x| x.1 > tolerance::TAKES_PART * most);
         moving.map(|x| x.0.name.clone()).collect()
@@ -41,14 +41,14 @@ impl Model {
     /// # Errors
     /// Velocities whose motion is not continued.
     pub fn start_notes(&self, q: &[f64], v: &[f64]) -> Result<Vec<String>, SystemError> {
-        if self.placed.held.is_empty() {
+        if self.own.placed.held.is_empty() {
             return Ok(Vec::new());
         }
         let mut s = self.own.scratch();
-        self.look(q, v, &mut s);
-        let fastest = s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()).max(x.u.norm() / self.placed.length));
-        for x in &self.placed.held {
-            let state = &s.full.links[self.placed.bodies[x.body].link];
+        self.own.look(q, v, &mut s);
+        let fastest = s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()).max(x.u.norm() / self.own.placed.length));
+        for x in &self.own.placed.held {
+            let state = &s.full.links[self.own.placed.bodies[x.body].link];
             let spin = x.line.map_or_else(|| state.w.norm(), |e| state.w.dot(state.rot.apply(e)));
             if spin.abs() > tolerance::WORST_ROUNDING * fastest {
                 let name = &self.spec.bodies[x.body].name;

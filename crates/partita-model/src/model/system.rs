@@ -31,7 +31,7 @@ impl Model {
         if vdot.iter().all(|x| x.is_finite()) {
             return Ok(());
         }
-        let pivots = match (&self.engine, &s.planar) {
+        let pivots = match (&self.own.engine, &s.planar) {
             (Engine::Planar(_), Some(x)) => x.clusters.pivots(),
             _ => s.full.clusters.pivots(),
         };
@@ -146,7 +146,7 @@ impl Metric for Model {
         self.own.sparse_dynamics(t, q, v, self.mass_layout(), s, mass, h)
     }
     fn add_metric(&self, s: &mut ModelScratch, mass: &mut [f64]) {
-        with_engine!(self, s, |tree, x| tree.add_massless(x, mass));
+        with_engine!(self.own, s, |tree, x| tree.add_massless(x, mass));
     }
     fn inverse_mass_diagonal(
         &self,
@@ -155,7 +155,7 @@ impl Metric for Model {
         s: &mut ModelScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
-        with_engine!(self, s, |tree, x| {
+        with_engine!(self.own, s, |tree, x| {
             tree.articulate(x).map_err(|e| self.mass_error(e))?;
             tree.inverse_mass_diagonal(x, out);
         });
@@ -169,9 +169,9 @@ impl Metric for Model {
         s: &mut ModelScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
-        let n = self.placed.nv;
+        let n = self.own.placed.nv;
         let (mut effort, mut column) = (vec![0.0; n], vec![0.0; n]);
-        with_engine!(self, s, |tree, x| {
+        with_engine!(self.own, s, |tree, x| {
             tree.articulate(x).map_err(|e| self.mass_error(e))?;
             for (j, &c) in which.iter().enumerate() {
                 effort.fill(0.0);
@@ -188,7 +188,7 @@ impl Metric for Model {
 
 impl Clustered<ModelScratch> for Model {
     fn plan_recursion(&self, kept: &[usize], s: &mut ModelScratch) -> Option<Recursion> {
-        let k = self.placed.nv.saturating_sub(kept.len());
+        let k = self.own.placed.nv.saturating_sub(kept.len());
         let counted = self.preference == Preference::Counted;
         if self.preference == Preference::Dense || counted && k <= FEW_DOF {
             return None;
@@ -231,7 +231,7 @@ impl Clustered<ModelScratch> for Model {
         self.felt(0.0, s, out)
     }
     fn respond_freely(&self, effort: &[f64], s: &mut ModelScratch, out: &mut [f64]) -> Result<(), SystemError> {
-        with_engine!(self, s, |tree, x| {
+        with_engine!(self.own, s, |tree, x| {
             tree.articulate(x).map_err(|e| self.mass_error(e))?;
             tree.inverse_mass_product(effort, x, out);
         });
@@ -248,20 +248,20 @@ impl Clustered<ModelScratch> for Model {
     ) {
         let plan = &s.recursion;
         let of = &self.structure.clusters.of_velocity;
-        match (&self.engine, &s.planar) {
+        match (&self.own.engine, &s.planar) {
             (Engine::Planar(tree), Some(x)) => {
                 tree.mobility(plan, tangent.dt, independent, most, of, x, &x.clusters, diagonal, block);
             }
             _ => {
                 let x = &s.full;
-                self.full.mobility(plan, tangent.dt, independent, most, of, x, &x.clusters, diagonal, block);
+                self.own.full.mobility(plan, tangent.dt, independent, most, of, x, &x.clusters, diagonal, block);
             }
         }
     }
     fn cluster_mass<'x>(&self, n: usize, s: &'x ModelScratch) -> &'x [f64] {
-        match (&self.engine, &s.planar) {
+        match (&self.own.engine, &s.planar) {
             (Engine::Planar(tree), Some(x)) => tree.cluster_mass(&s.recursion, n, &x.clusters),
-            _ => self.full.cluster_mass(&s.recursion, n, &s.full.clusters),
+            _ => self.own.full.cluster_mass(&s.recursion, n, &s.full.clusters),
         }
     }
 }
@@ -274,11 +274,11 @@ impl Manifold for Model {
         self.own.step(q, dv);
     }
     fn normalise(&self, q: &mut [f64]) -> bool {
-        if self.placed.nq == self.placed.nv {
+        if self.own.placed.nq == self.own.placed.nv {
             return false;
         }
         let mut moved = false;
-        for l in self.full.links.iter().skip(1) {
+        for l in self.own.full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Ball) {
                 let p = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
                 if (dense::dot(&p.0, &p.0) - 1.0).abs() > tolerance::ROUNDING {
@@ -291,7 +291,7 @@ impl Manifold for Model {
     }
     fn travel(&self, v: &[f64]) -> f64 {
         let (mut fastest, mut slide, mut slides) = (0.0f64, 0.0, 0);
-        for l in self.placed.links.iter().skip(1) {
+        for l in self.own.placed.links.iter().skip(1) {
             // consecutive slides of one body or joint form one displacement, whatever the axes
             match l.motion {
                 Motion::Slide(_) if slides % 3 != 0 => {
@@ -310,11 +310,11 @@ impl Manifold for Model {
         if self.is_planar() {
             return Vec::new(); // a turn in the plane is closed as an angle
         }
-        let mut s = self.full.scratch();
-        self.full.poses(q, &mut s);
-        let over = self.full.closings.iter().filter(|k| {
-            let p = &self.placed.joints[k.joint];
-            let axes = |node: usize, on: &Mat3<f64>| s.links[self.placed.link_of(node)].rot.mul(on);
+        let mut s = self.own.full.scratch();
+        self.own.full.poses(q, &mut s);
+        let over = self.own.full.closings.iter().filter(|k| {
+            let p = &self.own.placed.joints[k.joint];
+            let axes = |node: usize, on: &Mat3<f64>| s.links[self.own.placed.link_of(node)].rot.mul(on);
             let r = axes(p.parent, &p.on_parent).transpose().mul(&axes(p.child, &p.on_child));
             let turns: Vec<_> = p.shape.motions.iter().filter(|m| !matches!(m, Motion::Slide(_))).collect();
             match turns.as_slice() {

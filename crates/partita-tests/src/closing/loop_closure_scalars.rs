@@ -33,7 +33,7 @@ fn everywhere(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &Model, &Mome
     for (i, wishes) in KINDS.into_iter().enumerate() {
         let (mut explicit, mut implicit) = (0, 0);
         let mut see = |rng: &mut fastrand::Rng, model: &Model, m: &Moment| {
-            if model.full.conditions.iter().any(|c| !c.holonomic) {
+            if model.equations().full.conditions.iter().any(|c| !c.holonomic) {
                 return; // angles of two cut joints without a common period: their rates alone are held
             }
             let mut closing = model.loop_closing(m.t, &m.q, None).unwrap();
@@ -94,8 +94,8 @@ fn derivatives_by_lengths() {
             .map(|(name, x)| {
                 let mut d: Vec<f64> = x.iter().map(|_| between(rng, -0.3, 0.3)).collect();
                 if model.is_planar() {
-                    let off: f64 = d.iter().zip(model.placed.basis.0[2]).map(|(d, n)| d * n).sum();
-                    d.iter_mut().zip(model.placed.basis.0[2]).for_each(|(d, n)| *d -= off * n);
+                    let off: f64 = d.iter().zip(model.basis().0[2]).map(|(d, n)| d * n).sum();
+                    d.iter_mut().zip(model.basis().0[2]).for_each(|(d, n)| *d -= off * n);
                 }
                 (name, x.iter().zip(d).map(|(x, d)| Dual::new(*x, [d])).collect())
             })

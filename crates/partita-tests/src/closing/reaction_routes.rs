@@ -73,14 +73,14 @@ fn compare(draw: impl Fn() -> Drawing, rates: &[(&str, f64)]) {
         let model = cut(name);
         let (q, v) = model.transferred(&leading, &leading.initial(), &v);
         let here = sample(&model, &q, &v, None);
-        assert!(model.placed.joints[j].links.is_none(), "{name} was not cut");
+        assert!(model.zero_position().joints[j].links.is_none(), "{name} was not cut");
         cuts += 1;
         // the wrench of the multipliers themselves
         let by_closing = by_recursion(&model, &here);
         let largest = size(&by_closing);
         for elsewhere in &names {
             let other = cut(elsewhere);
-            if other.placed.joints[j].links.is_none() {
+            if other.zero_position().joints[j].links.is_none() {
                 continue;
             }
             let (q, v) = other.transferred(&model, &here.q, &here.v);

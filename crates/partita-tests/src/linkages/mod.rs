@@ -229,7 +229,7 @@ pub fn velocity(model: &Model, name: &str) -> usize {
 
 pub fn coordinate(model: &Model, name: &str) -> usize {
     let at = |n: &String| n == name;
-    model.placed.coordinate_names.iter().position(at).unwrap_or_else(|| panic!("no coordinate {name}"))
+    model.coordinate_names().iter().position(at).unwrap_or_else(|| panic!("no coordinate {name}"))
 }
 
 /// Largest |Φ|, and C by rows.
@@ -253,7 +253,7 @@ pub fn branches(closing: &LoopClosing) -> Vec<i8> {
 pub fn assert_closed(model: &Model, t: f64, q: &[f64], what: &str) {
     let angle = q.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
     let (closure_error, _) = position(model, t, q);
-    let allowed = model.placed.size.max(1.0) * f64::EPSILON * (20.0 + 6.0 * angle);
+    let allowed = model.extent().max(1.0) * f64::EPSILON * (20.0 + 6.0 * angle);
     assert!(closure_error <= allowed, "{what}: |Φ| = {closure_error:.2e}, allowed {allowed:.2e}");
 }
 
@@ -261,7 +261,7 @@ pub fn assert_closed(model: &Model, t: f64, q: &[f64], what: &str) {
 fn velocities(model: &Model, q: &[Vec<f64>; 5], h: f64) -> Vec<f64> {
     let d = |i: usize| (8.0 * (q[3][i] - q[1][i]) - (q[4][i] - q[0][i])) / (12.0 * h);
     let mut v = vec![0.0; model.size().nv];
-    for l in model.full.links.iter().skip(1) {
+    for l in model.equations().full.links.iter().skip(1) {
         if matches!(l.motion, LinkMotion::Ball) {
             let p = Quaternion([0, 1, 2, 3].map(|k| q[2][l.q + k]));
             let back = Quaternion([p.0[0], -p.0[1], -p.0[2], -p.0[3]]);

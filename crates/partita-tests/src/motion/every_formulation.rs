@@ -83,7 +83,7 @@ fn all_give_the_same_accelerations_and_reactions() {
             let mut c = vec![0.0; model.pattern().nnz()];
             model.position(m.t, &m.q, &mut s, &mut phi, &mut c, &mut a).unwrap();
             let reference = generalised(model.pattern(), &c, &m.lambda, size.nv);
-            let cut = model.drives.iter().any(|d| d.tree.is_none());
+            let cut = model.drives().iter().any(|d| d.tree.is_none());
             // a drive of a cut joint has no place in closed forms, which say so
             for &name in registry::NAMES.iter().filter(|n| !(cut && **n == "explicit-closing")) {
                 let mut f = registry::by_name(name, model, m.rank, &options).unwrap();

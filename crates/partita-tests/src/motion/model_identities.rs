@@ -297,7 +297,7 @@ fn the_plane_is_a_part_of_space() {
         let space = model.in_space().unwrap();
         assert!(model.is_planar() && !space.is_planar());
         assert_eq!(model.size().nv, space.size().nv);
-        tilted += usize::from(model.placed.basis.0[2][2] < 0.9);
+        tilted += usize::from(model.basis().0[2][2] < 0.9);
         let found = start::analyse(&space, m.t, &m.q).unwrap();
         assert_eq!(found.rank, m.rank, "the same degrees of freedom");
         let mut r = Reduction::new(&space, found.rank);

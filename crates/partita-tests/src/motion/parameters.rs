@@ -28,7 +28,7 @@ fn everything<S: Scalar>(e: &Evaluator<S>, nnz: usize, rows: usize, m: &Moment) 
 
 /// A change of every parameter: inertias keep their shape, points of a planar mechanism its plane.
 fn along(rng: &mut fastrand::Rng, model: &Model) -> Vec<(String, Vec<f64>, Vec<f64>)> {
-    let normal = model.placed.basis.0[2];
+    let normal = model.basis().0[2];
     let in_plane = |mut x: Vec<f64>| {
         if model.is_planar() {
             let off: f64 = x.iter().zip(normal).map(|(x, n)| x * n).sum();
@@ -104,7 +104,7 @@ fn derivatives_by_parameters_agree_with_differences() {
 fn parameters_that_cannot_be_are_refused() {
     let mut rng = fastrand::Rng::with_seed(45);
     let model = std::iter::repeat_with(|| drawing(&mut rng, KINDS[1]))
-        .find_map(|s| compile(&s, Coordinates::Relative).filter(|m| m.is_planar() && m.placed.topology.cuts.len() == 1))
+        .find_map(|s| compile(&s, Coordinates::Relative).filter(|m| m.is_planar() && m.cuts().len() == 1))
         .unwrap();
     let refused = |changes: &[(&str, &[f64])]| model.with_parameters(changes).err().unwrap().to_string();
     assert!(refused(&[("body1.colour", &[1.0])]).contains("there is no such parameter"));

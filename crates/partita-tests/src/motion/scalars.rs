@@ -123,7 +123,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 continue;
             };
             kinds.extend(model.spec.joints.iter().map(|j| format!("{:?}", j.kind)));
-            elements.extend(model.full.elements.iter().map(|e| match e {
+            elements.extend(model.equations().full.elements.iter().map(|e| match e {
                 Element::Spring(_) => "spring",
                 Element::Load(load) => match (&load.law, load.sides.is_some()) {
                     (LoadLaw::SpringDamper(_), false) => "torsion",
@@ -145,7 +145,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 Element::Weightless(_) => "weightless",
                 Element::Gravity(_) => "gravity",
             }));
-            conditions.extend(model.full.conditions.iter().map(|c| {
+            conditions.extend(model.equations().full.conditions.iter().map(|c| {
                 let form = match &c.says {
                     Says::Law(law, readings) => match (law, &readings[0].quantity) {
                         (Law::Linear { .. }, Quantity::Coordinate { .. }) => "coordinates",

@@ -136,15 +136,15 @@ pub(super) fn joints_of_blocks(spec: &Spec) -> Vec<Vec<usize>> {
 impl Model {
     /// Displacements of all bodies.
     pub(super) fn pose(&self, q: &[f64]) -> Pose {
-        let mut s = self.full.scratch();
-        self.full.poses(q, &mut s);
-        let out = self.placed.basis;
+        let mut s = self.own.full.scratch();
+        self.own.full.poses(q, &mut s);
+        let out = self.own.placed.basis;
         let mut all = HashMap::new();
-        for (own, body) in self.placed.bodies.iter().zip(&self.spec.bodies) {
+        for (own, body) in self.own.placed.bodies.iter().zip(&self.spec.bodies) {
             let rot = Mat3(body.orientation);
             let turned: Mat3<f64> = out.transpose().mul(&s.links[own.link].rot).mul(&own.rot);
-            let com = self.full.reference_point(own.link, &s)
-                + s.links[own.link].rot.apply(own.com - self.reference()[own.link]);
+            let com = self.own.full.reference_point(own.link, &s)
+                + s.links[own.link].rot.apply(own.com - self.own.reference()[own.link]);
             let turn = turned.mul(&rot.transpose());
             let drawn = Vec3(body.position) + rot.apply(Vec3(body.com));
             all.insert(body.name.clone(), Moved { turn, shift: out.apply_transposed(com) - turn.apply(drawn) });
@@ -168,7 +168,7 @@ impl Model {
         if !self.spec.couplings.is_empty() {
             return None;
         }
-        let is_rigid = |i: usize| self.placed.joints[i].shape.mobility() == 0;
+        let is_rigid = |i: usize| self.own.placed.joints[i].shape.mobility() == 0;
         let pose = self.pose(q);
         length(&self.spec, is_rigid, |name| pose.of(name))
     }

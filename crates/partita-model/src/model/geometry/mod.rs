@@ -171,7 +171,7 @@ impl Drawing {
     /// Compiled; measured in `length`, or in that of the drawing.
     fn new(spec: Spec, functions: Arc<dyn Functions>, length: Option<f64>, allow_plane: bool) -> Option<Self> {
         let mut model = Model::compiled(spec, functions, (Coordinates::Absolute, allow_plane), true).ok()?;
-        let known = length.or_else(|| model.length_at(&model.initial())).unwrap_or(model.placed.size);
+        let known = length.or_else(|| model.length_at(&model.initial())).unwrap_or(model.own.placed.size);
         model.measure_in(known);
         Some(Self { model, length: known })
     }
@@ -293,7 +293,7 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
 fn by_blocks(model: &Model, tolerance: f64) -> (Vec<(Block, Decided)>, Option<usize>) {
     let parts = blocks::blocks(&model.spec);
     let floating = if model.is_planar() { 3 } else { 6 };
-    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
+    let of_free = parts.free.iter().map(|&j| model.own.placed.joints[j].shape.mobility()).sum::<usize>();
     let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
     let closed: OnceCell<Option<Pose>> = OnceCell::new();
     let blocks = parts.blocks.into_iter().map(|block| {
