@@ -85,7 +85,7 @@ pub fn determined(model: &Model, t: f64, q: &[f64], in_joint_frame: bool) -> Res
     let system = Geometry::of_reactions(model, &twin);
     let (found, _) = here(&system, &analyse(&system, t, &q)?, t, &q)?;
     let mut scratch = twin.scratch();
-    twin.equations().look(&q, &vec![0.0; twin.size().nv], &mut scratch);
+    twin.equations().look(&q, &vec![0.0; twin.size().nv], scratch.equations());
     let frame = |j: usize| if in_joint_frame { twin.joint_frame(j, &scratch) } else { Mat3::identity() };
     Ok(found.iter().enumerate().map(|(j, x)| x.known(&frame(j))).collect())
 }
@@ -172,7 +172,7 @@ pub fn flags(model: &Model, states: &States, watch: Watch) -> Result<Vec<Vec<f64
     let row = |i: usize, s: &mut partita_model::model::ModelScratch, rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
         let (found, open) = around(model, &system, t, q)?;
-        twin.equations().look(&lifted(model, &twin, q), &still, s);
+        twin.equations().look(&lifted(model, &twin, q), &still, s.equations());
         rows.row(2, i).fill(1.0);
         for d in twin.drives().iter().filter(|d| open[d.row]) {
             if let Some((j, c)) = d.joint {

@@ -41,7 +41,7 @@ pub(crate) fn lifted(model: &Model, twin: &Model, q: &[f64]) -> Vec<f64> {
         return q.to_vec();
     }
     let mut lifted = twin.initial();
-    let out = model.basis();
+    let out = model.zero_position().basis;
     for (planar, body) in model.zero_position().bodies.iter().zip(&twin.zero_position().bodies) {
         let (turn, ball) = (model.zero_position().links[planar.link].q, twin.zero_position().links[body.link].q);
         let shift = out.apply_transposed(Vec3([q[turn - 2], q[turn - 1], 0.0]));
@@ -91,11 +91,12 @@ impl<'m> Geometry<'m> {
         let mut row_displacement = Vec::with_capacity(model.pattern().rows);
         for k in &model.equations().full.closings {
             let point = model.zero_position().joints[k.joint].child_point;
-            let length =
-                k.path.iter().fold(LEAST_LOOP * model.extent(), |m: f64, p| match model.equations().full.links[p.link].motion {
+            let length = k.path.iter().fold(LEAST_LOOP * model.extent(), |m: f64, p| {
+                match model.equations().full.links[p.link].motion {
                     LinkMotion::Slide(_) => model.length(),
                     _ => m.max((point - model.zero_position().links[p.link].point).norm()),
-                });
+                }
+            });
             row_displacement.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
         }
         // conditions other than loop closures define their own scale; 0 if unknown

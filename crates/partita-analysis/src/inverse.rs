@@ -272,7 +272,7 @@ impl Inverse {
     pub(crate) fn columns(&self, t: f64, q: &[f64], memory: &mut InverseScratch) -> Result<(), SystemError> {
         let pattern = self.actuated.pattern();
         if self.turning {
-            self.actuated.equations().look(q, &memory.still, &mut memory.scratch);
+            self.actuated.equations().look(q, &memory.still, memory.scratch.equations());
         }
         self.actuated.position(t, q, &mut memory.scratch, &mut memory.phi, &mut memory.c, &mut memory.a)?;
         for ((lever, factors), column) in self.levers.iter().zip(&mut memory.factors).zip(&mut memory.columns) {
@@ -310,7 +310,7 @@ impl Inverse {
     ) -> Result<(), SystemError> {
         self.actuated.velocity(t, q, v, &mut memory.scratch, b)?;
         if self.turning {
-            self.actuated.equations().look(q, v, &mut memory.scratch);
+            self.actuated.equations().look(q, v, memory.scratch.equations());
         }
         let pattern = self.actuated.pattern();
         for ((lever, factors), x) in self.levers.iter().zip(&memory.factors).zip(out) {
@@ -328,10 +328,10 @@ impl Inverse {
 
     /// |k_s|² of each actuator at the positions of the last `columns`, with all joints open.                (19)
     pub(crate) fn lengths2(&self, t: f64, q: &[f64], memory: &mut InverseScratch) -> Result<Vec<f64>, SystemError> {
-        self.actuated.equations().look(q, &memory.still, &mut memory.scratch);
+        self.actuated.equations().look(q, &memory.still, memory.scratch.equations());
         let length2 = |(lever, factors): (&Lever, &[f64; 3])| {
             let rows = lever.rows.iter().zip(factors).map(|(&row, factor)| (Along::Row(row), *factor));
-            self.freed.length2(self.actuated.equations(), (t, q), &memory.scratch, rows)
+            self.freed.length2(self.actuated.equations(), (t, q), memory.scratch.evaluated(), rows)
         };
         self.levers.iter().zip(&memory.factors).map(length2).collect()
     }
@@ -347,7 +347,7 @@ impl Inverse {
         let tangent = Tangent { k, dt: &r.dt, delta: &memory.still };
         r.system.project(t, q, &memory.still, &tangent, &mut r.scratch, &mut memory.md, &mut memory.hd)?;
         let d: Vec<Vec<f64>> = (0..k).map(|c| (0..memory.still.len()).map(|i| r.dt[i * k + c]).collect()).collect();
-        self.freed.add_lacking(self.actuated.equations(), q, &d, &mut memory.scratch, &mut memory.md);
+        self.freed.add_lacking(self.actuated.equations(), q, &d, memory.scratch.equations(), &mut memory.md);
         let mut b = Matrix::new(k, memory.columns.len());
         actuation::reduced(&r.dt, k, memory.columns.iter().map(Vec::as_slice), b.data_mut());
         Ok(Actuation::new(b, &memory.md, &lengths2).map_err(|e| match e {

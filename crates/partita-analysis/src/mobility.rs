@@ -86,7 +86,8 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     }
     let mut found = Mobility {
         mobility: nv - free.rank,
-        joint_rows: twin.zero_position().joints.iter().map(|p| p.shape.conditions()).sum::<usize>() + twin.coupling_rows(),
+        joint_rows: twin.zero_position().joints.iter().map(|p| p.shape.conditions()).sum::<usize>()
+            + twin.coupling_rows(),
         joint_rank: 6 * bodies + free.rank - nv,
         closing_rows: released.size().rows,
         closing_rank: free.rank,

@@ -108,7 +108,7 @@ const FAR_OFF: f64 = 100.0;
 pub fn suspicious(model: &Model) -> Vec<String> {
     let mut found = Vec::new();
     let turns = |joint: &str, coordinate: usize| {
-        model.joint_number(joint).is_some_and(|j| model.shape(j).turns(coordinate))
+        model.zero_position().joint_numbers.get(joint).is_some_and(|&j| model.shape(j).turns(coordinate))
     };
     let mut angle = |what: String, x: f64| {
         if x.abs() >= DEGREES && x.fract() == 0.0 {

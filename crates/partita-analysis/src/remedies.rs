@@ -126,7 +126,7 @@ pub fn remedies(model: &Model, t: f64, q: &[f64]) -> Result<Vec<Remedy>, Analysi
     }
     let found = stresses(&system, &Pose::new(&twin, t, &q), &start, t, &q)?;
     let mut scratch = twin.scratch();
-    twin.equations().look(&q, &vec![0.0; twin.size().nv], &mut scratch);
+    twin.equations().look(&q, &vec![0.0; twin.size().nv], scratch.equations());
     // of each joint, six columns: what each self-stress does to a component
     let mut columns = vec![vec![vec![0.0; count]; 6]; twin.spec.joints.len()];
     for (i, stress) in found.iter().enumerate() {
@@ -237,7 +237,7 @@ fn restores(model: &Model, chosen: &[Replacement], dof: usize) -> bool {
     spec.drives.clear();
     spec.forces.clear();
     for w in chosen {
-        let shape = &model.shape(w.joint);
+        let shape = model.shape(w.joint);
         let j: &mut Joint = &mut spec.joints[w.joint];
         j.kind = w.kind;
         if w.kind == JointKind::Generic {

@@ -393,7 +393,8 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
     if all.is_empty() {
         return Default::default();
     }
-    let names = |which: Vec<usize>| which.into_iter().map(|i| model.structure().velocities[i].name.to_string()).collect();
+    let names =
+        |which: Vec<usize>| which.into_iter().map(|i| model.structure().velocities[i].name.to_string()).collect();
     let without = if model.drives().is_empty() { None } else { undriven(model, t, q) };
     let follows = |i: usize| without.as_ref().is_some_and(|rho| rho[i] >= tolerance::TAKES_PART);
     let (prescribed, all): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&i| follows(i));

@@ -91,7 +91,8 @@ impl<'m> Pose<'m> {
         for (i, e) in placed.topology.tree.iter().enumerate() {
             held[e.to] = (i, held[e.from].1 + 1);
         }
-        let mut made = Self { model, tree: model.equations().full.scratch(), points: Vec::new(), held, at: (t, Vec::new()) };
+        let mut made =
+            Self { model, tree: model.equations().full.scratch(), points: Vec::new(), held, at: (t, Vec::new()) };
         made.move_to(t, q);
         made
     }
@@ -104,7 +105,8 @@ impl<'m> Pose<'m> {
         self.points.clear();
         self.points.extend(model.zero_position().joints.iter().map(|p| {
             let link = model.zero_position().link_of(p.child);
-            model.equations().full.reference_point(link, tree) + tree.links[link].rot.apply(p.child_point - reference[link])
+            model.equations().full.reference_point(link, tree)
+                + tree.links[link].rot.apply(p.child_point - reference[link])
         }));
         self.at.0 = t;
         self.at.1.clear();
@@ -432,7 +434,7 @@ mod tests {
             let q = m.initial();
             let lambda: Vec<(usize, f64)> = (0..m.row_names.len()).map(|i| (i, rng.f64() - 0.5)).collect();
             let full: Vec<f64> = lambda.iter().map(|x| x.1).collect();
-            let swept = m.wrenches_of(&q, &full, &mut m.scratch());
+            let swept = m.equations().wrenches_of(&q, &full, m.scratch().equations());
             let mut closing_of = Vec::new();
             m.equations().full.closings.iter().enumerate().for_each(|(i, k)| closing_of.extend(vec![i; k.rows()]));
             let (mut by_balance, mut wrench_scratch) = (Vec::new(), WrenchScratch::new(&m));

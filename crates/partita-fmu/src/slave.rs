@@ -534,7 +534,7 @@ fn joint_of(model: &Model, what: &Shown) -> Result<usize, String> {
         | Shown::Force { joint, .. }
         | Shown::Moment { joint, .. }
         | Shown::Effort { joint, .. } => {
-            let found = model.joint_number(joint);
+            let found = model.zero_position().joint_numbers.get(joint).copied();
             found.ok_or_else(|| format!("an output names the joint \"{joint}\", which does not exist"))
         }
         Shown::Kinetic | Shown::Potential => Ok(0),

@@ -28,7 +28,7 @@ use crate::value::{Abscissa, Callers, Functions};
 use crate::zero_position::{Coordinates, Placed};
 use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
-use partita_math::spatial::{Mat3, Space, Spatial};
+use partita_math::spatial::{Space, Spatial};
 use partita_math::tolerance;
 use partita_system::compiled::CompiledChoices;
 use partita_system::system::{Size, Structure};
@@ -139,11 +139,6 @@ impl Model {
         &self.own.placed
     }
 
-    /// Mechanism axes from world axes (rows).
-    pub fn basis(&self) -> Mat3<f64> {
-        self.own.placed.basis
-    }
-
     /// Characteristic length: the extent of a typical body.
     pub fn length(&self) -> f64 {
         self.own.placed.length
@@ -159,11 +154,6 @@ impl Model {
         &self.own.placed.joints[j].shape
     }
 
-    /// Number of a joint.
-    pub fn joint_number(&self, name: &str) -> Option<usize> {
-        self.own.placed.joint_numbers.get(name).copied()
-    }
-
     /// Joints of the tree.
     pub fn tree(&self) -> &[TreeEdge] {
         &self.own.placed.topology.tree
@@ -177,16 +167,6 @@ impl Model {
     /// Prescribed motions.
     pub fn drives(&self) -> &[DriveRow] {
         &self.own.drives
-    }
-
-    /// Names of the coordinates.
-    pub fn coordinate_names(&self) -> &[String] {
-        &self.own.placed.coordinate_names
-    }
-
-    /// Names of the velocities.
-    pub fn velocity_names(&self) -> &[String] {
-        &self.own.placed.velocity_names
     }
 
     /// Take a decision about the drawing.
@@ -470,7 +450,13 @@ impl Model {
     pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
         self.refuse_following()?;
         let numbers = Numbers::new(&self.spec, &self.own.placed);
-        let made = Evaluator::new(&self.spec, self.own.placed.clone(), numbers, self.own.drives.clone(), self.own.callers.clone());
+        let made = Evaluator::new(
+            &self.spec,
+            self.own.placed.clone(),
+            numbers,
+            self.own.drives.clone(),
+            self.own.callers.clone(),
+        );
         Ok(made?.0)
     }
 
@@ -592,7 +578,7 @@ impl Model {
 
     /// Kinetic and potential energy at the last `velocity`.
     pub fn energy(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<(f64, f64), SystemError> {
-        let [kinetic, potential, _] = self.own.energies(t, q, v, s)?;
+        let [kinetic, potential, _] = self.own.energies(t, q, v, s.evaluated())?;
         Ok((kinetic, potential))
     }
 

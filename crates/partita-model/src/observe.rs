@@ -55,9 +55,9 @@ impl DegreeOfFreedom {
     /// Its acceleration for v' after [`look`](crate::evaluator::Evaluator::look): `C v' + b`, C and b of its reading.
     pub fn acceleration(&mut self, model: &Model, vdot: &[f64], s: &ModelScratch) -> f64 {
         self.row.fill(0.0);
-        self.reading.columns(1.0, &model.own.full, &s.full, &mut self.row);
+        self.reading.columns(1.0, &model.own.full, &s.evaluated().full, &mut self.row);
         let turned: f64 = self.row.iter().zip(&self.velocities).map(|(c, &v)| c * vdot[v]).sum();
-        turned + self.reading.bias(&model.own.full, &s.full)
+        turned + self.reading.bias(&model.own.full, &s.evaluated().full)
     }
 }
 
@@ -84,11 +84,11 @@ impl Model {
     /// Body `i` after [`look`](crate::evaluator::Evaluator::look).
     pub fn body_state(&self, i: usize, s: &ModelScratch) -> BodyState {
         let b = &self.own.placed.bodies[i];
-        let x = &s.full.links[b.link];
-        let arm = self.own.arm_now(s, b.link, self.own.numbers.bodies[i].origin);
+        let x = &s.evaluated().full.links[b.link];
+        let arm = self.own.arm_now(s.evaluated(), b.link, self.own.numbers.bodies[i].origin);
         let out = self.own.placed.basis.transpose();
         BodyState {
-            position: out.apply(self.own.full.reference_point(b.link, &s.full) + arm),
+            position: out.apply(self.own.full.reference_point(b.link, &s.evaluated().full) + arm),
             rotation: out.mul(&x.rot).mul(&b.rot),
             velocity: out.apply(x.u + x.w.cross(arm)),
             angular_velocity: out.apply(x.w),
@@ -99,8 +99,9 @@ impl Model {
     /// (−π, π].
     pub fn joint_state(&self, j: usize, q: &[f64], v: &[f64], s: &ModelScratch) -> JointState {
         let p = &self.own.placed.joints[j];
-        let (child, parent) = (self.own.node_state(s, p.child), self.own.node_state(s, p.parent));
-        let arm_c = self.own.arm_now(s, self.own.placed.link_of(p.child), self.own.numbers.joints[j].1);
+        let (child, parent) =
+            (self.own.node_state(s.evaluated(), p.child), self.own.node_state(s.evaluated(), p.parent));
+        let arm_c = self.own.arm_now(s.evaluated(), self.own.placed.link_of(p.child), self.own.numbers.joints[j].1);
         let point = child.centre + arm_c;
         let mut state = JointState { point: self.own.placed.basis.apply_transposed(point).0, ..JointState::default() };
         match &p.links {
@@ -126,14 +127,15 @@ impl Model {
                 }
             }
             None => {
-                let arm_p = self.own.arm_now(s, self.own.placed.link_of(p.parent), self.own.numbers.joints[j].0);
+                let arm_p =
+                    self.own.arm_now(s.evaluated(), self.own.placed.link_of(p.parent), self.own.numbers.joints[j].0);
                 // child and parent as they carry the axes of the drawing
                 let rp = parent.rot.mul(&p.on_parent);
                 let rc = child.rot.mul(&p.on_child);
                 let r = rp.transpose().mul(&rc);
                 let gap = rp.apply_transposed(point - parent.centre - arm_p);
                 joint::position_of(&p.shape.motions, &r, gap, &mut state.position);
-                if let (Engine::Planar(_), Some(planar)) = (&self.own.engine, &s.planar) {
+                if let (Engine::Planar(_), Some(planar)) = (&self.own.engine, &s.evaluated().planar) {
                     // in the plane angles are not wrapped
                     let (lp, lc) = (self.own.placed.link_of(p.parent), self.own.placed.link_of(p.child));
                     let full = planar.links[lc].rot.angle - planar.links[lp].rot.angle;
@@ -155,7 +157,7 @@ impl Model {
     /// Joint axes as the parent carries them, world axes.
     pub fn joint_frame(&self, j: usize, s: &ModelScratch) -> Mat3<f64> {
         let p = &self.own.placed.joints[j];
-        let r = self.own.node_state(s, p.parent).rot.mul(&p.on_parent).mul(&p.shape.frame);
+        let r = self.own.node_state(s.evaluated(), p.parent).rot.mul(&p.on_parent).mul(&p.shape.frame);
         self.own.placed.basis.transpose().mul(&r)
     }
 }
@@ -178,7 +180,8 @@ impl TurnCounter {
     /// For the joints of a model.
     pub fn new(model: &Model) -> Self {
         let turns = model
-            .own.placed
+            .own
+            .placed
             .joints
             .iter()
             .map(|p| {
@@ -188,7 +191,8 @@ impl TurnCounter {
             })
             .collect();
         let quaternions = model
-            .own.placed
+            .own
+            .placed
             .joints
             .iter()
             .map(|p| {

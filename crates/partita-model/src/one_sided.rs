@@ -32,8 +32,8 @@ impl Model {
                 names[e] = force.name();
             }
         }
-        let mut found = self.own.one_sided_elements(t, (q, v), &mut s, &names);
-        found.extend(self.curves().one_sided(&self.own, t, (q, v), &mut s));
+        let mut found = self.own.one_sided_elements(t, (q, v), s.equations(), &names);
+        found.extend(self.curves().one_sided(&self.own, t, (q, v), s.equations()));
         Ok(found)
     }
 }

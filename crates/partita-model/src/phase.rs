@@ -21,9 +21,9 @@ impl Model {
         }
         let (mut s, rest) = (self.scratch(), vec![0.0; self.size().nv]);
         let mut read = |q: &[f64]| -> Vec<Vec<f64>> {
-            self.own.look(q, &rest, &mut s);
+            self.own.look(q, &rest, s.equations());
             let values = |c: &crate::coupling::Condition<_>| {
-                c.readings().iter().map(|r| r.value(&self.own.full, &s.full, q)).collect()
+                c.readings().iter().map(|r| r.value(&self.own.full, &s.equations().full, q)).collect()
             };
             of_rates().map(values).collect()
         };

@@ -119,8 +119,9 @@ impl Model {
     /// its part; world axes.
     pub fn body_acceleration(&self, i: usize, part: &Part, vdot: &[f64], s: &ModelScratch) -> [Vec3<f64>; 2] {
         let b = &self.own.placed.bodies[i];
-        let (x, (turned, moved)) = (&s.full.links[b.link], self.own.link_acceleration(part, b.link, vdot, s));
-        let arm = self.own.arm_now(s, b.link, self.own.numbers.bodies[i].origin);
+        let (x, (turned, moved)) =
+            (&s.evaluated().full.links[b.link], self.own.link_acceleration(part, b.link, vdot, s.evaluated()));
+        let arm = self.own.arm_now(s.evaluated(), b.link, self.own.numbers.bodies[i].origin);
         let alpha = x.alpha + turned;
         let acc = x.acc + moved + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
         [acc, alpha].map(|x| self.own.placed.basis.apply_transposed(x))

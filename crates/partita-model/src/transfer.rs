@@ -15,7 +15,7 @@ impl Model {
     /// Whole turns are kept where both models have the joint in their trees, and in the plane.
     pub fn transferred(&self, from: &Model, q: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let mut s = from.scratch();
-        from.own.look(q, v, &mut s);
+        from.own.look(q, v, s.equations());
         let (mut q2, mut v2) = (self.initial(), vec![0.0; self.size().nv]);
         let turned = from.turned(q);
         for e in &self.own.placed.topology.tree {

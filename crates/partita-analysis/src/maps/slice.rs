@@ -219,7 +219,7 @@ impl<'m> Slice<'m> {
         let mut rates = Matrix::new(6 * self.tracked.len(), motions.len());
         for (j, x) in motions.iter().enumerate() {
             let v: Vec<f64> = x.iter().zip(&self.field.displacement).map(|(x, d)| x * d).collect();
-            model.equations().look(q, &v, &mut self.scratch);
+            model.equations().look(q, &v, self.scratch.equations());
             for (a, &i) in self.tracked.iter().enumerate() {
                 let b = model.body_state(i, &self.scratch);
                 for axis in 0..3 {
@@ -401,7 +401,7 @@ impl<'m> Slice<'m> {
     /// Where all bodies are, whatever the coordinates: positions in lengths of the mechanism, and two axes.
     pub fn signature(&mut self, q: &[f64]) -> Vec<f64> {
         let model = self.field.model;
-        model.equations().look(q, &self.rest, &mut self.scratch);
+        model.equations().look(q, &self.rest, self.scratch.equations());
         let mut all = Vec::with_capacity(9 * self.tracked.len());
         for &i in &self.tracked {
             let b = model.body_state(i, &self.scratch);

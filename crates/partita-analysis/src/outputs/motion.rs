@@ -32,7 +32,7 @@ pub fn bodies(model: &Model, states: &States, which: &[usize], watch: Watch) -> 
     let widths = BODY.map(|w| w * which.len());
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
-        model.equations().look_at(&part, q, v, s);
+        model.equations().look_at(&part, q, v, s.equations());
         for (index, &body) in which.iter().enumerate() {
             let x = model.body_state(body, s);
             rows.row(0, i)[3 * index..][..3].copy_from_slice(&x.position.0);
@@ -56,13 +56,13 @@ pub fn bodies(model: &Model, states: &States, which: &[usize], watch: Watch) -> 
 pub fn joints(model: &Model, states: &States, which: &[usize], watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let part = part_of(model, which, |j| model.equations().part_of_joint(j));
     let size = |j: usize| {
-        let shape = &model.shape(j);
+        let shape = model.shape(j);
         (shape.motions.iter().map(partita_model::joint::Motion::coordinates).sum::<usize>(), shape.dof())
     };
     let (nq, nv) = which.iter().map(|&j| size(j)).fold((0, 0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
-        model.equations().look_at(&part, q, v, s);
+        model.equations().look_at(&part, q, v, s.equations());
         let (mut at_q, mut at_v) = (0, 0);
         for (index, &j) in which.iter().enumerate() {
             let x = model.joint_state(j, q, v, s);
@@ -108,7 +108,7 @@ pub fn joint_accelerations(
     let nv = model.size().nv;
     let row = |i: usize, (s, own): &mut (ModelScratch, Vec<DegreeOfFreedom>), rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
-        model.equations().look_at(&part, q, v, s);
+        model.equations().look_at(&part, q, v, s.equations());
         for (to, dof) in rows.row(0, i).iter_mut().zip(own) {
             *to = dof.acceleration(model, &vdot[i * nv..][..nv], s);
         }
@@ -175,7 +175,7 @@ pub fn body_accelerations(
     let nv = model.size().nv;
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
-        model.equations().look_at(&part, q, v, s);
+        model.equations().look_at(&part, q, v, s.equations());
         for (index, &body) in which.iter().enumerate() {
             let found = model.body_acceleration(body, &part, &vdot[i * nv..][..nv], s);
             for (table, x) in found.into_iter().enumerate() {
@@ -202,8 +202,8 @@ pub fn load(
     let part = model.equations().part_of_load(e);
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (t, q, v) = states.at(model, i);
-        model.equations().look_at(&part, q, v, s);
-        let found = model.equations().shown(e, t, q, v, s)?;
+        model.equations().look_at(&part, q, v, s.equations());
+        let found = model.equations().shown(e, t, q, v, s.equations())?;
         rows.row(0, i)[0] = found.power;
         rows.row(1, i)[0] = found.potential;
         rows.row(2, i)[0] = found.effort.unwrap_or(f64::NAN);

@@ -62,13 +62,14 @@ pub fn reaction(
             let mut drives = model.equations().drive_of(j, lambda);
             let w = match (rule, memory) {
                 (Some(rule), Some(memory)) => {
-                    let mut joints = model.equations().reactions_of(&part, t, q, v, vdot, lambda, s)?.joints;
+                    let mut joints =
+                        model.equations().reactions_of(&part, t, q, v, vdot, lambda, s.equations())?.joints;
                     let mut shared = lambda.to_vec();
                     rule.share(t, q, &mut joints, &mut shared, memory)?;
                     drives = model.equations().drive_of(j, &shared);
                     joints[j]
                 }
-                _ => model.equations().reaction_of(j, &part, t, q, v, vdot, lambda, s)?,
+                _ => model.equations().reaction_of(j, &part, t, q, v, vdot, lambda, s.equations())?,
             };
             rows.row(0, i).copy_from_slice(&w.force.0);
             rows.row(1, i).copy_from_slice(&w.moment.0);
@@ -97,13 +98,13 @@ pub fn reactions(
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
-            let mut r = model.equations().reactions_of(whole, t, q, v, vdot, lambda, s)?;
+            let mut r = model.equations().reactions_of(whole, t, q, v, vdot, lambda, s.equations())?;
             let mut shared = lambda.to_vec();
             if let (Some(rule), Some(memory)) = (rule, memory) {
                 let mut joints = r.joints.clone();
                 rule.share(t, q, &mut joints, &mut shared, memory)?;
                 let change: Vec<f64> = shared.iter().zip(lambda).map(|(x, y)| x - y).collect();
-                model.equations().replace_reactions(&mut r, &joints, (t, q, &change), s)?;
+                model.equations().replace_reactions(&mut r, &joints, (t, q, &change), s.evaluated())?;
                 for d in model.drives() {
                     if let Some((j, c)) = d.joint {
                         r.drives[j][c] = shared[d.row];

@@ -67,7 +67,7 @@ struct Driven {
 /// What a drive of a joint's position or velocity prescribes.
 fn asked(model: &Model, d: &DriveRow) -> Option<Driven> {
     let (joint, velocity) = d.joint?;
-    let shape = &model.shape(joint);
+    let shape = model.shape(joint);
     let (mut coordinate, mut first) = (0, 0);
     for motion in &shape.motions {
         if first + motion.velocities() > velocity {

@@ -136,7 +136,13 @@ impl Target {
                         let between = velocities(model, sides[0].symmetric_difference(&sides[1]).copied());
                         let source = Source::Joint { joint, position, velocity, wraps };
                         let displacement = if turn { 1.0 } else { model.length() };
-                        return Ok(named(source, displacement, unit(turn), between, model.equations().part_of_joint(joint)));
+                        return Ok(named(
+                            source,
+                            displacement,
+                            unit(turn),
+                            between,
+                            model.equations().part_of_joint(joint),
+                        ));
                     }
                     position += motion.coordinates();
                     velocity += motion.velocities();
@@ -205,7 +211,7 @@ impl Target {
         match &self.source {
             Source::Own { q: i, .. } => q[*i],
             Source::Joint { joint, position, wraps, .. } => {
-                model.equations().look_at(&self.part, q, rest, s);
+                model.equations().look_at(&self.part, q, rest, s.equations());
                 let x = model.joint_state(*joint, q, rest, s).position[*position];
                 if *wraps {
                     x + ((near[0] - x) / TAU).round() * TAU
@@ -214,12 +220,12 @@ impl Target {
                 }
             }
             Source::Point { body, point, axis } => {
-                model.equations().look_at(&self.part, q, rest, s);
+                model.equations().look_at(&self.part, q, rest, s.equations());
                 let b = model.body_state(*body, s);
                 (b.position + b.rotation.apply(*point)).0[*axis]
             }
             Source::Turn { body, reference, axis } => {
-                model.equations().look_at(&self.part, q, rest, s);
+                model.equations().look_at(&self.part, q, rest, s.equations());
                 rotation_vector(reference, &model.body_state(*body, s).rotation, near).0[*axis]
             }
         }
@@ -238,7 +244,7 @@ impl Target {
     ) {
         match &self.source {
             Source::Turn { body, reference, axis } => {
-                model.equations().look_at(&self.part, q, v, s);
+                model.equations().look_at(&self.part, q, v, s.equations());
                 let rotation = model.body_state(*body, s).rotation;
                 let turn = rotation_vector(reference, &rotation, near);
                 self.columns(model, q, v, s, |columns| put(turning(turn, rotation.apply_transposed(columns)).0[*axis]));
@@ -255,7 +261,7 @@ impl Target {
             Source::Joint { joint, velocity, .. } => {
                 for &i in &self.velocities {
                     v[i] = 1.0;
-                    model.equations().look_at(&self.part, q, v, s);
+                    model.equations().look_at(&self.part, q, v, s.equations());
                     put(model.joint_state(*joint, q, v, s).velocity[*velocity]);
                     v[i] = 0.0;
                 }
@@ -270,7 +276,7 @@ impl Target {
     fn columns(&self, model: &Model, q: &[f64], v: &mut [f64], s: &mut ModelScratch, mut put: impl FnMut(Vec3<f64>)) {
         for &i in &self.velocities {
             v[i] = 1.0;
-            model.equations().look_at(&self.part, q, v, s);
+            model.equations().look_at(&self.part, q, v, s.equations());
             v[i] = 0.0;
             match &self.source {
                 Source::Point { body, point, .. } => {
@@ -305,18 +311,18 @@ impl Target {
         match &self.source {
             Source::Own { v: i, .. } => vdot[*i],
             Source::Joint { .. } => {
-                model.equations().look_at(&self.part, q, v, s);
+                model.equations().look_at(&self.part, q, v, s.equations());
                 dof.as_mut().map_or(f64::NAN, |dof| dof.acceleration(model, vdot, s))
             }
             Source::Point { body, point, axis } => {
-                model.equations().look_at(&self.part, q, v, s);
+                model.equations().look_at(&self.part, q, v, s.equations());
                 let [acceleration, alpha] = model.body_acceleration(*body, &self.part, vdot, s);
                 let b = model.body_state(*body, s);
                 let (arm, omega) = (b.rotation.apply(*point), b.angular_velocity);
                 (acceleration + alpha.cross(arm) + omega.cross(omega.cross(arm))).0[*axis]
             }
             Source::Turn { body, axis, .. } => {
-                model.equations().look_at(&self.part, q, v, s);
+                model.equations().look_at(&self.part, q, v, s.equations());
                 model.body_acceleration(*body, &self.part, vdot, s)[1].0[*axis]
             }
         }

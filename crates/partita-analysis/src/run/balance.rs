@@ -134,7 +134,9 @@ impl Balance for Model {
     runs_compiled_here!();
 
     fn residual(&self, at: &Sample, scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError> {
-        self.equations().residual_of(self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, scratch).map(Some)
+        self.equations()
+            .residual_of(self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, scratch.equations())
+            .map(Some)
     }
 
     fn energies(&self, at: &[&Output], scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError> {
@@ -142,7 +144,7 @@ impl Balance for Model {
         let one = |x: &&Output| {
             q.clear();
             q.extend(x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)));
-            self.equations().look(&q, &x.v, scratch);
+            self.equations().look(&q, &x.v, scratch.equations());
             self.energy(x.t, &q, &x.v, scratch)
         };
         at.iter().map(one).collect::<Result<_, _>>().map(Some)

@@ -43,7 +43,7 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
         if !sharing.rows(&q, &mut memory) {
             return Ok(none);
         }
-        twin.equations().look(&q, &vec![0.0; twin.size().nv], &mut memory.model);
+        twin.equations().look(&q, &vec![0.0; twin.size().nv], memory.model.equations());
         let SharingScratch { rows, stresses, .. } = &memory;
         // every component has a column here, loaded or not
         let (components, of_column) = (6 * rows.joints.len(), rows.components());

@@ -143,7 +143,7 @@ impl LoopClosing<'_> {
         match &self.steps[i].work {
             Work::Drive(d, edge) => {
                 let drive = &self.model.own.drives[*d];
-                let memory = &mut self.scratch.memory;
+                let memory = &mut self.scratch.equations().memory;
                 let [p, _, _] = value::motion_at(&drive.motion, &self.model.own.callers, t, &drive.name, memory)?;
                 self.pose.x[*edge] = p;
                 if let Some((i, _)) = drive.tree {

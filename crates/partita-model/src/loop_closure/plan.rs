@@ -36,7 +36,8 @@ pub(super) struct Task {
 impl Task {
     pub fn new(model: &Model, graph: &Graph, inputs: &[usize]) -> Self {
         let is_input = |v: usize| inputs.binary_search(&v).is_ok();
-        let driven = |e: &Edge| model.own.drives.iter().filter_map(DriveRow::velocity).any(|v| e.velocities().contains(&v));
+        let driven =
+            |e: &Edge| model.own.drives.iter().filter_map(DriveRow::velocity).any(|v| e.velocities().contains(&v));
         let given = graph.edges.iter().map(|e| e.in_tree() && (e.velocities().all(is_input) || driven(e))).collect();
         let ball_inputs = graph
             .edges
@@ -149,7 +150,7 @@ impl<'m> LoopClosing<'m> {
     /// Coordinates of the cut joints, from the poses.
     fn read_cuts(&mut self, q: &[f64]) {
         let model = self.model.clone();
-        model.own.look(q, &self.dv, &mut self.scratch);
+        model.own.look(q, &self.dv, self.scratch.equations());
         let state_of = |j: usize| model.joint_state(j, q, &self.dv, &self.scratch).position;
         let mut last: Option<(usize, Vec<f64>)> = None;
         for i in 0..self.graph.edges.len() {

@@ -46,7 +46,8 @@ impl Model {
         }
         let mut s = self.own.scratch();
         self.own.look(q, v, &mut s);
-        let fastest = s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()).max(x.u.norm() / self.own.placed.length));
+        let fastest =
+            s.full.links.iter().fold(0.0, |m: f64, x| m.max(x.w.norm()).max(x.u.norm() / self.own.placed.length));
         for x in &self.own.placed.held {
             let state = &s.full.links[self.own.placed.bodies[x.body].link];
             let spin = x.line.map_or_else(|| state.w.norm(), |e| state.w.dot(state.rot.apply(e)));

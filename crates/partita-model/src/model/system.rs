@@ -31,9 +31,9 @@ impl Model {
         if vdot.iter().all(|x| x.is_finite()) {
             return Ok(());
         }
-        let pivots = match (&self.own.engine, &s.planar) {
+        let pivots = match (&self.own.engine, &s.evaluated().planar) {
             (Engine::Planar(_), Some(x)) => x.clusters.pivots(),
-            _ => s.full.clusters.pivots(),
+            _ => s.evaluated().full.clusters.pivots(),
         };
         match pivots.iter().position(|x| *x <= 0.0) {
             Some(v) => Err(self.mass_error((v, pivots[v]))),
@@ -68,10 +68,10 @@ impl Levels for Model {
         c: &mut [f64],
         a: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.own.position(t, q, s, phi, c, a)
+        self.own.position(t, q, s.equations(), phi, c, a)
     }
     fn velocity(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, b: &mut [f64]) -> Result<(), SystemError> {
-        self.own.velocity(t, q, v, s, b)
+        self.own.velocity(t, q, v, s.equations(), b)
     }
     fn dynamics(
         &self,
@@ -82,7 +82,7 @@ impl Levels for Model {
         mass: &mut [f64],
         h: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.own.dynamics(t, q, v, s, mass, h)
+        self.own.dynamics(t, q, v, s.equations(), mass, h)
     }
     fn project(
         &self,
@@ -109,7 +109,7 @@ impl Levels for Model {
             s.dense = d;
             return Ok(());
         }
-        self.own.project(t, q, v, (tangent.k, tangent.dt, tangent.delta), s, md, hd)
+        self.own.project(t, q, v, (tangent.k, tangent.dt, tangent.delta), s.equations(), md, hd)
     }
     fn inverse_dynamics(
         &self,
@@ -120,13 +120,13 @@ impl Levels for Model {
         s: &mut ModelScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.own.inverse_dynamics(t, q, v, vdot, s, out)
+        self.own.inverse_dynamics(t, q, v, vdot, s.equations(), out)
     }
     fn power(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch) -> Result<f64, SystemError> {
         if !self.structure.has_power {
             return Ok(0.0);
         }
-        self.own.power(t, q, v, s)
+        self.own.power(t, q, v, s.equations())
     }
 }
 
@@ -143,10 +143,10 @@ impl Metric for Model {
         mass: &mut [f64],
         h: &mut [f64],
     ) -> Result<(), SystemError> {
-        self.own.sparse_dynamics(t, q, v, self.mass_layout(), s, mass, h)
+        self.own.sparse_dynamics(t, q, v, self.mass_layout(), s.equations(), mass, h)
     }
     fn add_metric(&self, s: &mut ModelScratch, mass: &mut [f64]) {
-        with_engine!(self.own, s, |tree, x| tree.add_massless(x, mass));
+        with_engine!(self.own, s.equations(), |tree, x| tree.add_massless(x, mass));
     }
     fn inverse_mass_diagonal(
         &self,
@@ -155,7 +155,7 @@ impl Metric for Model {
         s: &mut ModelScratch,
         out: &mut [f64],
     ) -> Result<(), SystemError> {
-        with_engine!(self.own, s, |tree, x| {
+        with_engine!(self.own, s.equations(), |tree, x| {
             tree.articulate(x).map_err(|e| self.mass_error(e))?;
             tree.inverse_mass_diagonal(x, out);
         });
@@ -171,7 +171,7 @@ impl Metric for Model {
     ) -> Result<(), SystemError> {
         let n = self.own.placed.nv;
         let (mut effort, mut column) = (vec![0.0; n], vec![0.0; n]);
-        with_engine!(self.own, s, |tree, x| {
+        with_engine!(self.own, s.equations(), |tree, x| {
             tree.articulate(x).map_err(|e| self.mass_error(e))?;
             for (j, &c) in which.iter().enumerate() {
                 effort.fill(0.0);
@@ -197,7 +197,7 @@ impl Clustered<ModelScratch> for Model {
         if counted && self.dense_cost(k) <= plan.cost {
             return None;
         }
-        self.own.fit(&plan, s);
+        self.own.fit(&plan, s.equations());
         let by_partial_velocities = plan.routes.iter().map(|w| *w == Route::PartialVelocities).collect();
         let recursion = Recursion { columns: plan.columns, by_partial_velocities };
         s.recursion = plan;
@@ -213,7 +213,7 @@ impl Clustered<ModelScratch> for Model {
         vdot: &mut [f64],
     ) -> Result<(), SystemError> {
         let plan = std::mem::take(&mut s.recursion);
-        let done = self.own.accelerate(t, q, v, &plan, &by(tangent), s, vdot);
+        let done = self.own.accelerate(t, q, v, &plan, &by(tangent), s.equations(), vdot);
         s.recursion = plan;
         done?;
         self.felt(t, s, vdot)
@@ -226,12 +226,12 @@ impl Clustered<ModelScratch> for Model {
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         let plan = std::mem::take(&mut s.recursion);
-        self.own.respond(&plan, &by(tangent), effort, s, out);
+        self.own.respond(&plan, &by(tangent), effort, s.equations(), out);
         s.recursion = plan;
         self.felt(0.0, s, out)
     }
     fn respond_freely(&self, effort: &[f64], s: &mut ModelScratch, out: &mut [f64]) -> Result<(), SystemError> {
-        with_engine!(self.own, s, |tree, x| {
+        with_engine!(self.own, s.equations(), |tree, x| {
             tree.articulate(x).map_err(|e| self.mass_error(e))?;
             tree.inverse_mass_product(effort, x, out);
         });
@@ -248,20 +248,20 @@ impl Clustered<ModelScratch> for Model {
     ) {
         let plan = &s.recursion;
         let of = &self.structure.clusters.of_velocity;
-        match (&self.own.engine, &s.planar) {
+        match (&self.own.engine, &s.evaluated().planar) {
             (Engine::Planar(tree), Some(x)) => {
                 tree.mobility(plan, tangent.dt, independent, most, of, x, &x.clusters, diagonal, block);
             }
             _ => {
-                let x = &s.full;
+                let x = &s.evaluated().full;
                 self.own.full.mobility(plan, tangent.dt, independent, most, of, x, &x.clusters, diagonal, block);
             }
         }
     }
     fn cluster_mass<'x>(&self, n: usize, s: &'x ModelScratch) -> &'x [f64] {
-        match (&self.own.engine, &s.planar) {
+        match (&self.own.engine, &s.evaluated().planar) {
             (Engine::Planar(tree), Some(x)) => tree.cluster_mass(&s.recursion, n, &x.clusters),
-            _ => self.own.full.cluster_mass(&s.recursion, n, &s.full.clusters),
+            _ => self.own.full.cluster_mass(&s.recursion, n, &s.evaluated().full.clusters),
         }
     }
 }
@@ -342,12 +342,12 @@ impl Guards for Model {
         self.curves().breakpoints.clone()
     }
     fn breakpoint_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [Reading]) {
-        self.curves().read(&self.own, t, (q, v), s, out);
+        self.curves().read(&self.own, t, (q, v), s.equations(), out);
     }
     fn guards(&self) -> Vec<Guard> {
         self.guarded()
     }
     fn guard_readings(&self, t: f64, q: &[f64], v: &[f64], s: &mut ModelScratch, out: &mut [GuardReading]) {
-        self.own.read_guards(t, (q, v), s, out);
+        self.own.read_guards(t, (q, v), s.equations(), out);
     }
 }

@@ -132,7 +132,7 @@ fn cams_racks_and_screws() {
     let mut closing = by(&model, &["crank", "wheel"]);
     assert!(closing.is_explicit(), "{:?}", closing.blocks());
     let q = sweep(&model, &mut closing, "crank", 1.0, 30);
-    let names: Vec<String> = model.coordinate_names().clone();
+    let names: Vec<String> = model.zero_position().coordinate_names.to_vec();
     assert!(q.iter().all(|x| x.is_finite()), "{names:?}");
 }
 

@@ -38,7 +38,8 @@ fn moving(model: &Model, q: &[f64], rates: &[(usize, f64)]) -> Vec<f64> {
 }
 
 fn by_recursion(model: &Model, s: &Sample) -> Vec<Wrench> {
-    let found = model.reactions(s.t, &s.q, &s.v, &s.vdot, &s.multipliers, &mut model.scratch()).unwrap();
+    let found =
+        model.equations().reactions(s.t, &s.q, &s.v, &s.vdot, &s.multipliers, model.scratch().equations()).unwrap();
     // every body in balance: what any joint is held to
     assert!(found.residual < 1e-9, "{}: {:e}", model.spec.name, found.residual);
     found.joints

@@ -223,13 +223,12 @@ pub fn squeezer() -> Drawing {
 }
 
 pub fn velocity(model: &Model, name: &str) -> usize {
-    model.structure().velocities.iter().position(|v| &*v.name == name)
-        .unwrap_or_else(|| panic!("no velocity {name}"))
+    model.structure().velocities.iter().position(|v| &*v.name == name).unwrap_or_else(|| panic!("no velocity {name}"))
 }
 
 pub fn coordinate(model: &Model, name: &str) -> usize {
     let at = |n: &String| n == name;
-    model.coordinate_names().iter().position(at).unwrap_or_else(|| panic!("no coordinate {name}"))
+    model.zero_position().coordinate_names.iter().position(at).unwrap_or_else(|| panic!("no coordinate {name}"))
 }
 
 /// Largest |Φ|, and C by rows.

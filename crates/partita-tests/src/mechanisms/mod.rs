@@ -187,7 +187,7 @@ fn on_mechanisms(
 /// All bodies at (q, v).
 pub fn bodies(model: &Model, q: &[f64], v: &[f64]) -> Vec<BodyState> {
     let mut s = model.scratch();
-    model.look(q, v, &mut s);
+    model.equations().look(q, v, s.equations());
     (0..model.spec.bodies.len()).map(|i| model.body_state(i, &s)).collect()
 }
 

@@ -136,7 +136,10 @@ fn a_driven_crank() {
             assert!((s.q[crank] - 0.3 * sin - 0.2 * s.t).abs() < 1e-14);
             assert!((s.v[crank] - 0.51 * cos - 0.2).abs() < 1e-13);
             // its multiplier is the motor's effort, on the joint's own axis
-            let r = model.reactions(s.t, &s.q, &s.v, &s.vdot, &s.multipliers, &mut model.scratch()).unwrap();
+            let r = model
+                .equations()
+                .reactions(s.t, &s.q, &s.v, &s.vdot, &s.multipliers, model.scratch().equations())
+                .unwrap();
             let motor = s.multipliers[model.drives()[0].row];
             assert_eq!(r.drives[0], [motor]);
             assert!((r.joints[0].moment.0[2] - motor).abs() < 1e-10 * (1.0 + motor.abs()));

@@ -240,7 +240,17 @@ fn projection_by_partial_velocities() {
             let (mut md3, mut hd3) = (vec![0.0; k * k], vec![0.0; k]);
             {
                 let (mut s, _) = evaluated(model, m.t, &m.q, &m.v);
-                Evaluator::project(model, m.t, &m.q, &m.v, (k, &dt, &delta), &mut s, &mut md3, &mut hd3).unwrap();
+                Evaluator::project(
+                    model.equations(),
+                    m.t,
+                    &m.q,
+                    &m.v,
+                    (k, &dt, &delta),
+                    s.equations(),
+                    &mut md3,
+                    &mut hd3,
+                )
+                .unwrap();
                 assert!(apart(&md, &md3) < ROUND_OFF && apart(&hd, &hd3) < ROUND_OFF, "k = {k}");
             }
         }
@@ -297,7 +307,7 @@ fn the_plane_is_a_part_of_space() {
         let space = model.in_space().unwrap();
         assert!(model.is_planar() && !space.is_planar());
         assert_eq!(model.size().nv, space.size().nv);
-        tilted += usize::from(model.basis().0[2][2] < 0.9);
+        tilted += usize::from(model.zero_position().basis.0[2][2] < 0.9);
         let found = start::analyse(&space, m.t, &m.q).unwrap();
         assert_eq!(found.rank, m.rank, "the same degrees of freedom");
         let mut r = Reduction::new(&space, found.rank);

@@ -16,7 +16,7 @@ const UNBOUND: Wishes = Wishes { planar: false, bound: false, drives: false };
 const COUNT: usize = 80;
 
 fn reactions(model: &Model, m: &Moment) -> Reactions {
-    model.reactions(m.t, &m.q, &m.v, &m.vdot, &m.lambda, &mut model.scratch()).unwrap()
+    model.equations().reactions(m.t, &m.q, &m.v, &m.vdot, &m.lambda, model.scratch().equations()).unwrap()
 }
 
 /// Moments and forces of all joints, one after the other; lengths are of the order of 1.
@@ -28,7 +28,7 @@ fn wrenches(model: &Model, r: &Reactions) -> Vec<f64> {
         return r.joints.iter().flat_map(|w| w.moment.0.into_iter().chain(w.force.0)).collect();
     }
     let inside = |w: &Wrench| {
-        let (m, f) = (model.basis().apply(w.moment), model.basis().apply(w.force));
+        let (m, f) = (model.zero_position().basis.apply(w.moment), model.zero_position().basis.apply(w.force));
         [m.0[2], f.0[0], f.0[1]]
     };
     r.joints.iter().flat_map(inside).collect()
@@ -54,7 +54,7 @@ fn reactions_do_no_work_on_free_motions() {
             let r = reactions(model, m);
             let states = bodies(model, &m.q, &m.v);
             let mut s = model.scratch();
-            model.look(&m.q, &m.v, &mut s);
+            model.equations().look(&m.q, &m.v, s.equations());
             for (j, p) in model.zero_position().joints.iter().enumerate() {
                 let x = model.joint_state(j, &m.q, &m.v, &s);
                 // velocity of the point of space at the joint, as carried by a node
@@ -127,7 +127,7 @@ fn reactions_do_not_depend_on_the_cut() {
                 let off = apart(&here, &wrenches(model, &r));
                 assert!(off < 1e-8, "off by {off:e} with {:?} cut", model.spec.joints[j].kind);
                 compared += 1;
-                for &c in &other.cuts() {
+                for &c in other.cuts() {
                     kinds.insert(format!("{:?}", other.spec.joints[c].kind));
                 }
             }
