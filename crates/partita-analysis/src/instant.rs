@@ -128,7 +128,7 @@ pub fn at<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], v: Option<&[f64]>
     let hd = d.matvec(&rest); // h_d = D (h − M [0; ξ])                                           (P3)
     let (mut l, mut u) = (md.data().to_vec(), hd.clone());
     dense::cholesky(&mut l, r.k()).map_err(|e| SystemError::Mass {
-        name: system.structure().velocities[split.independent[e.index]].name.to_string(),
+        name: system.structure().velocity_name(split.independent[e.index]),
         pivot: e.pivot,
     })?;
     dense::cholesky_solve(&l, r.k(), &mut u);

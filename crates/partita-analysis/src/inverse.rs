@@ -351,10 +351,9 @@ impl Inverse {
         let mut b = Matrix::new(k, memory.columns.len());
         actuation::reduced(&r.dt, k, memory.columns.iter().map(Vec::as_slice), b.data_mut());
         Ok(Actuation::new(b, &memory.md, &lengths2).map_err(|e| match e {
-            Some((i, pivot)) => SystemError::Mass {
-                name: r.system.structure().velocities[r.partition.independent[i]].name.to_string(),
-                pivot,
-            },
+            Some((i, pivot)) => {
+                SystemError::Mass { name: r.system.structure().velocity_name(r.partition.independent[i]), pivot }
+            }
             None => SystemError::NotFinite { what: "the effect of the actuators".into(), t },
         })?)
     }

@@ -98,7 +98,7 @@ impl Linearized {
     fn size_of<S: ConstrainedSystem>(&self, system: &S, j: usize) -> f64 {
         let FirstOrder { accelerations, multipliers, .. } = &self.first_order;
         let gained = self.vdot.iter().enumerate().fold(0.0, |m: f64, (l, x)| {
-            m.max(accelerations[(l, j)].abs() / x.abs().max(system.structure().velocities[l].displacement))
+            m.max(accelerations[(l, j)].abs() / x.abs().max(system.structure().displacement(l)))
         });
         let load = self.multipliers.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let added = (0..self.multipliers.len()).fold(0.0, |m: f64, i| m.max(multipliers[(i, j)].abs()));
@@ -179,7 +179,7 @@ pub(crate) fn state_error<S: ConstrainedSystem>(system: &S, error: StateError) -
 fn sizes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Vec<f64> {
     let of = |velocities: &[usize], drives: &[usize]| {
         let drives = drives.iter().map(|&i| system.structure().rows[i].size());
-        velocities.iter().map(|&i| system.structure().velocities[i].displacement).chain(drives).collect::<Vec<_>>()
+        velocities.iter().map(|&i| system.structure().displacement(i)).chain(drives).collect::<Vec<_>>()
     };
     [of(&found.positions, &found.driven_positions), of(&found.velocities, &found.driven_rates)].concat()
 }
@@ -224,7 +224,7 @@ fn persists<S: ConstrainedSystem + Varied>(
     let h = f64::EPSILON.cbrt() / fastest;
     let (ahead, behind) = (beside(solved, (t, q, v), h)?, beside(solved, (t, q, v), -h)?);
     // the fastest motion, and what forces and the drives accelerate by themselves
-    let size = |i: usize| system.structure().velocities[i].displacement;
+    let size = |i: usize| system.structure().displacement(i);
     let strongest = (0..v.len()).fold(fastest * fastest, |m: f64, i| m.max(solved.vdot[i].abs() / size(i)));
     Ok(solved.reduction.partition.independent.iter().all(|&i| {
         let grown = (ahead.vdot[i] - behind.vdot[i]).abs() / (2.0 * h);
@@ -251,8 +251,7 @@ fn lasts(
     let all = || (kz..n).flat_map(|i| (0..n).map(move |j| (i, j)));
     let largest = all().fold(0.0, |m: f64, (i, j)| m.max(scaled(&found.a, i, j).abs()));
     let natural = if largest > 1.0 { 1.0 / largest.sqrt() } else { 1.0 };
-    let strongest =
-        (0..v.len()).fold(0.0, |m: f64, i| m.max(solved.vdot[i].abs() / model.structure().velocities[i].displacement));
+    let strongest = (0..v.len()).fold(0.0, |m: f64, i| m.max(solved.vdot[i].abs() / model.structure().displacement(i)));
     let exact = found.derivatives == Derivatives::Exact;
     let bound = largest.max(strongest) * if exact { tolerance::CLOSED_IN_RUN } else { tolerance::OPEN };
     let independent = Some(&*solved.reduction.partition.independent);
@@ -263,7 +262,7 @@ fn lasts(
             // a table has ended, or a function is not defined there: nothing is known of that time
             Err(StateError::System(_)) => continue,
         };
-        let by = |i: usize| (there.vdot[i] - solved.vdot[i]).abs() / model.structure().velocities[i].displacement;
+        let by = |i: usize| (there.vdot[i] - solved.vdot[i]).abs() / model.structure().displacement(i);
         let first = there.first_order(&[], driven)?;
         let grown = |(i, j): (usize, usize)| (scaled(&first.a, i, j) - scaled(&found.a, i, j)).abs();
         if (0..v.len()).any(|i| by(i) > bound) || first.positions != found.positions || all().any(|e| grown(e) > bound)

@@ -393,8 +393,7 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
     if all.is_empty() {
         return Default::default();
     }
-    let names =
-        |which: Vec<usize>| which.into_iter().map(|i| model.structure().velocities[i].name.to_string()).collect();
+    let names = |which: Vec<usize>| which.into_iter().map(|i| model.structure().velocity_name(i)).collect();
     let without = if model.drives().is_empty() { None } else { undriven(model, t, q) };
     let follows = |i: usize| without.as_ref().is_some_and(|rho| rho[i] >= tolerance::TAKES_PART);
     let (prescribed, all): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&i| follows(i));
@@ -406,7 +405,7 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
         // all of them, by moves that have nothing in common
         let moved = m.independent.iter().enumerate().filter_map(|(k, &i)| {
             let c = (0..q.len()).find(|&c| model.structure().coordinates[c].velocity == Some(i))?;
-            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.structure().velocities[i].displacement))
+            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.structure().displacement(i)))
         });
         let moved: Vec<(usize, f64)> = moved.collect();
         let mut near = q.to_vec();

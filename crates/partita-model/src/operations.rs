@@ -70,10 +70,7 @@ impl Model {
             explicit_closing: count(&|t, q, u| {
                 let excess = closing.close_over(&e, t, q, &mut closing.scratch_over(&e))?;
                 let [qdot, vdot] = rates(t, q, u)?;
-                let states = independent
-                    .iter()
-                    .flat_map(|&i| self.structure().velocities[i].coordinates.clone())
-                    .map(|c| qdot[c]);
+                let states = independent.iter().flat_map(|&i| self.structure().coordinates_of(i)).map(|c| qdot[c]);
                 Ok(states.chain(vdot).chain([excess]).collect())
             })?,
             iteration: count(&|t, q, _| self.iterated(&e, &r, t, q))?,
@@ -90,12 +87,7 @@ impl Model {
     ) -> Result<Vec<Recorder>, SystemError> {
         let choice = r.choice();
         self.correct_over(e, &choice, t, q)?;
-        Ok(choice
-            .dependent
-            .iter()
-            .flat_map(|&i| self.structure().velocities[i].coordinates.clone())
-            .map(|c| q[c])
-            .collect())
+        Ok(choice.dependent.iter().flat_map(|&i| self.structure().coordinates_of(i)).map(|c| q[c]).collect())
     }
 
     /// `q_D ← q_D − C_D⁻¹ Φ` for a choice.                                                                     (34)

@@ -49,9 +49,9 @@ pub fn assemble<S: ConstrainedSystem>(
                 let asked = |&(i, rate): &(usize, f64)| {
                     let row = (0..n).map(|j| f64::from(u8::from(i == j))).collect();
                     RequestedRate {
-                        name: system.structure().velocities[i].name.to_string(),
+                        name: system.structure().velocity_name(i),
                         row,
-                        displacement: system.structure().velocities[i].displacement,
+                        displacement: system.structure().displacement(i),
                         rate,
                     }
                 };

@@ -365,8 +365,8 @@ pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Ve
     let at = |v: usize| (0..q.len()).find(|&c| system.structure().coordinates[c].velocity == Some(v));
     let moved = |(v, c): (usize, usize)| {
         let (from, to) = (q[c], branch.beside[c]);
-        ((to - from).abs() > tolerance::TAKES_PART * system.structure().velocities[v].displacement)
-            .then(|| (system.structure().velocities[v].name.to_string(), to))
+        ((to - from).abs() > tolerance::TAKES_PART * system.structure().displacement(v))
+            .then(|| (system.structure().velocity_name(v), to))
     };
     (0..system.size().nv).filter_map(|v| at(v).map(|c| (v, c))).filter_map(moved).collect()
 }
@@ -376,7 +376,7 @@ pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Ve
 pub fn rates<S: ConstrainedSystem>(system: &S, branch: &Branch, all: &[Branch]) -> Vec<(String, f64)> {
     let goes = |i: usize| all.iter().chain([branch]).any(|b| b.rates[i] != 0.0);
     let moving = branch.rates.iter().enumerate().filter(|x| goes(x.0));
-    moving.map(|(i, &rate)| (system.structure().velocities[i].name.to_string(), rate)).collect()
+    moving.map(|(i, &rate)| (system.structure().velocity_name(i), rate)).collect()
 }
 
 /// Number of coordinates written out; beyond it the message refers to the report.

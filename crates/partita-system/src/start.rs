@@ -83,9 +83,8 @@ pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &
     let closings = (0..system.size().rows).filter(|i| !is_drive(i)).count();
     let kept = closings - start.dropped.iter().filter(|i| !is_drive(i)).count();
     if kept < wanted && finite.hidden {
-        let who: Vec<String> =
-            start.dropped.iter().take(3).map(|&i| system.structure().rows[i].owner.to_string()).collect();
-        return Err(SystemError::argument("drawing_tolerance", format!("{HIDDEN} ({})", who.join(", "))));
+        let who = owners(&*system, &start.dropped);
+        return Err(SystemError::argument("drawing_tolerance", format!("{HIDDEN} ({who})")));
     }
     if kept < wanted {
         return Err(singular(&*system, (t, q), &start, start.rank + wanted - kept)?);
@@ -106,6 +105,11 @@ const AMBIGUOUS: &str =
     "nearly follows from the other constraints, by a difference of about the drawing_tolerance: if \
     it should follow from them (wheels on one axis, equal bars, a ring of gears), give its axis, radius, length or \
                          ratio exactly; if it is intended as drawn, give a smaller drawing_tolerance";
+
+/// The first elements to which these rows belong.
+fn owners<S: ConstrainedSystem>(system: &S, rows: &[usize]) -> String {
+    rows.iter().take(3).map(|&i| &*system.structure().rows[i].owner).collect::<Vec<_>>().join(", ")
+}
 
 /// Motions that exist only instantaneously, at every position.
 fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
@@ -196,13 +200,7 @@ fn persists<S: ConstrainedSystem>(
              dropped {largest_dropped:.2e} (of {}); start a little away from it, or give the joint positions with \
              all digits",
             start.smallest,
-            start
-                .dropped
-                .iter()
-                .take(3)
-                .map(|&i| system.structure().rows[i].owner.to_string())
-                .collect::<Vec<_>>()
-                .join(", ")
+            owners(system, &start.dropped)
         );
         return Err(SystemError::SingularStart { t, message });
     }
@@ -246,7 +244,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
             NEXT_DOOR
                 * sign
                 * (1.0 + 0.37 * (j as f64).sin())
-                * system.structure().velocities[r.partition.independent[j]].displacement
+                * system.structure().displacement(r.partition.independent[j])
         })
         .collect();
     let mut near = q.to_vec();

@@ -126,7 +126,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         let u: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
         r.evaluate(t, q, &u)?;
         // D holds the given velocities to what the constraints say
-        let slowest = |i: usize| system.structure().velocities[i].displacement;
+        let slowest = |i: usize| system.structure().displacement(i);
         let fastest = (0..v.len()).fold(1.0, |m: f64, i| m.max(v[i].abs() / slowest(i)));
         if (0..v.len()).any(|i| (r.v[i] - v[i]).abs() > tolerance::OPEN * fastest * slowest(i)) {
             let pattern = system.pattern();
@@ -321,7 +321,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         let mut out = dv.to_vec();
         let mut i = 0;
         while i < out.len() {
-            let own = system.structure().velocities[i].coordinates.clone();
+            let own = system.structure().coordinates_of(i);
             if own.len() == 1 {
                 i += 1;
                 continue;

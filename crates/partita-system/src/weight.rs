@@ -51,11 +51,10 @@ pub fn unfelt<S: ConstrainedSystem>(
     own.iter().zip(&part).for_each(|(&i, x)| y[i] = *x);
     let mut v = d.matvec(&y);
     let fastest = (0..n).max_by(|&i, &j| {
-        (v[i].abs() / system.structure().velocities[i].displacement)
-            .total_cmp(&(v[j].abs() / system.structure().velocities[j].displacement))
+        (v[i].abs() / system.structure().displacement(i)).total_cmp(&(v[j].abs() / system.structure().displacement(j)))
     });
     if let Some(i) = fastest {
-        let size = v[i] / system.structure().velocities[i].displacement;
+        let size = v[i] / system.structure().displacement(i);
         v.iter_mut().for_each(|v| *v /= size);
     }
     Ok(Some(v))
@@ -144,12 +143,10 @@ pub fn words<S: ConstrainedSystem>(
     rank: usize,
 ) -> Result<Option<(String, Vec<f64>)>, SystemError> {
     let Some(v) = unfelt(system, t, q, rank)? else { return Ok(None) };
-    let mut moving: Vec<usize> = (0..v.len())
-        .filter(|&i| v[i].abs() > tolerance::TAKES_PART * system.structure().velocities[i].displacement)
-        .collect();
+    let mut moving: Vec<usize> =
+        (0..v.len()).filter(|&i| v[i].abs() > tolerance::TAKES_PART * system.structure().displacement(i)).collect();
     sort_by(&mut moving, |&i, &j| {
-        (v[j].abs() / system.structure().velocities[j].displacement)
-            .total_cmp(&(v[i].abs() / system.structure().velocities[i].displacement))
+        (v[j].abs() / system.structure().displacement(j)).total_cmp(&(v[i].abs() / system.structure().displacement(i)))
     });
     let named = moving.iter().take(NAMED).map(|&i| format!("{} at {:.4}", system.structure().velocities[i].name, v[i]));
     let mut motion = named.collect::<Vec<_>>().join(", ");

@@ -134,7 +134,7 @@ pub(super) fn failed(e: &factor::FactorError) -> AnalysisError {
 impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
     /// For a system with constraints of this rank.
     pub fn new(system: SystemRef<'s, S>, rank: usize, t: f64) -> Self {
-        let displacement = (0..system.size().nv).map(|l| system.structure().velocities[l].displacement).collect();
+        let displacement = (0..system.size().nv).map(|l| system.structure().displacement(l)).collect();
         Self { reduction: Reduction::dense(system, rank), t, displacement }
     }
 
@@ -167,7 +167,7 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
         }
         let sum = |f: &dyn Fn(f64) -> f64, i: usize| (0..n).map(|l| f(-r.dt[l * k + i] * residual[l])).sum::<f64>();
         dense::cholesky(&mut metric, k).map_err(|e| SystemError::Mass {
-            name: r.system.structure().velocities[r.partition.independent[e.index]].name.to_string(),
+            name: r.system.structure().velocity_name(r.partition.independent[e.index]),
             pivot: e.pivot,
         })?;
         let mut here = Here {

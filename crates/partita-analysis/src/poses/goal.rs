@@ -113,7 +113,7 @@ impl Target {
         match *goal {
             Goal::Own { q } => {
                 let v = model.structure().coordinates[q].velocity.ok_or_else(refuse)?;
-                let displacement = model.structure().velocities[v].displacement;
+                let displacement = model.structure().displacement(v);
                 let turn = model.zero_position().links.iter().any(|l| l.v == v && matches!(l.motion, Motion::Turn(_)));
                 Ok(named(Source::Own { q, v }, displacement, unit(turn), vec![v], Part::default()))
             }

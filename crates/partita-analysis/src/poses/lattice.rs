@@ -334,7 +334,7 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         }
         let mut travel = Lanes::zero();
         for (v, dv) in self.dv.iter().enumerate() {
-            travel = travel.max(dv.abs() / Lanes::from_f64(model.structure().velocities[v].displacement));
+            travel = travel.max(dv.abs() / Lanes::from_f64(model.structure().displacement(v)));
         }
         e.step(&mut self.q, &self.dv);
         e.normalise(&mut self.q);

@@ -33,9 +33,9 @@ fn asked(model: &Model, q: &[f64], own: &[(usize, f64)], others: &[(Target, f64)
         let mut row = vec![0.0; n];
         row[i] = 1.0;
         RequestedRate {
-            name: model.structure().velocities[i].name.to_string(),
+            name: model.structure().velocity_name(i),
             row,
-            displacement: model.structure().velocities[i].displacement,
+            displacement: model.structure().displacement(i),
             rate,
         }
     });
@@ -80,9 +80,8 @@ pub fn with_rates(
     if rows.is_empty() {
         return Ok(v);
     }
-    let largest = |v: &[f64]| {
-        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / model.structure().velocities[i].displacement))
-    };
+    let largest =
+        |v: &[f64]| v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / model.structure().displacement(i)));
     let given = largest(&v);
     let (n, mut s, mut memory) = (v.len(), model.scratch(), vec![0.0; v.len()]);
     let gradients: Vec<Vec<f64>> = rows.iter().map(|(x, _)| gradient(model, q, x, &mut memory, &mut s)).collect();
@@ -149,6 +148,6 @@ pub fn with_rates(
     }
     let of_rows = rows.iter().map(|(x, rate)| (x.name.clone(), *rate));
     let named: Vec<(String, f64)> =
-        of_rows.chain(own.iter().map(|&(i, rate)| (model.structure().velocities[i].name.to_string(), rate))).collect();
+        of_rows.chain(own.iter().map(|&(i, rate)| (model.structure().velocity_name(i), rate))).collect();
     unlocked(model, t, &named, asked.max(given), v)
 }

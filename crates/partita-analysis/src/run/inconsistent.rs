@@ -67,7 +67,7 @@ pub(super) fn see<S: ConstrainedSystem>(
         let (mut sum, mut arm) = (r.a[i].abs(), 0.0f64);
         for e in pattern.row(i) {
             sum += (r.c[e] * v[pattern.col_idx[e]]).abs();
-            arm = arm.max(r.c[e].abs() * system.structure().velocities[pattern.col_idx[e]].displacement);
+            arm = arm.max(r.c[e].abs() * system.structure().displacement(pattern.col_idx[e]));
         }
         if x.abs() > tolerance::RATES_MET * sum && x.abs() > tolerance::STANDING * arm && x.abs() / sum > worst.0 {
             worst = (x.abs() / sum, i, x.abs());
@@ -128,7 +128,7 @@ pub(super) fn note<S: ConstrainedSystem>(
     let moved = match first {
         None => "an output at the start shows the correction".into(),
         Some((closed, rates)) => {
-            let names = (0..v.len()).map(|i| system.structure().velocities[i].name.to_string());
+            let names = (0..v.len()).map(|i| system.structure().velocity_name(i));
             let by = largest(names.zip(v.iter().zip(rates).map(|(x, y)| (y - x).abs())));
             let far = q.iter().zip(closed).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
             let position = match violated {

@@ -177,9 +177,10 @@ impl Model {
         if !closing.is_explicit() {
             return None;
         }
-        let far = targets.iter().zip(&inputs).fold(0.0, |m: f64, (&(i, value), &v)| {
-            m.max((value - q[i]).abs() / self.structure().velocities[v].displacement)
-        });
+        let far = targets
+            .iter()
+            .zip(&inputs)
+            .fold(0.0, |m: f64, (&(i, value), &v)| m.max((value - q[i]).abs() / self.structure().displacement(v)));
         let strides = (far / tolerance::STRIDE).ceil().max(1.0);
         if far > tolerance::FARTHEST {
             return None;

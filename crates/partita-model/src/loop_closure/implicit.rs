@@ -132,10 +132,8 @@ impl Implicit {
         let n = self.rows.len();
         out.fill(S::zero());
         for &(i, j, e) in &self.entries {
-            let (displacement, size) = (
-                model.structure().velocities[self.unknown[j]].displacement,
-                model.structure().rows[self.rows[i]].size(),
-            );
+            let (displacement, size) =
+                (model.structure().displacement(self.unknown[j]), model.structure().rows[self.rows[i]].size());
             out[i * n + j] = c[e].scale(displacement) / S::from_f64(size);
         }
     }
@@ -156,7 +154,7 @@ impl Implicit {
         for row in self.entries.chunk_by(|a, b| a.0 == b.0) {
             let r = self.closed[row[0].0];
             let entry = |&(_, j, e): &(usize, usize, usize)| {
-                c[e].scale(model.structure().velocities[self.unknown[j]].displacement) / size(r)
+                c[e].scale(model.structure().displacement(self.unknown[j])) / size(r)
             };
             for one in row {
                 let value = entry(one);
@@ -202,7 +200,7 @@ impl Implicit {
         let determinant = lu_determinant(jacobian, n, &self.pivots);
         memory.dv.fill(S::zero());
         for (x, &u) in x.iter().zip(&self.unknown) {
-            memory.dv[u] = x.scale(model.structure().velocities[u].displacement);
+            memory.dv[u] = x.scale(model.structure().displacement(u));
         }
         e.step(q, &memory.dv);
         e.normalise(q);
@@ -292,7 +290,7 @@ impl Linearization for Rows<'_, '_> {
         let f = &mut *self.f;
         f.dv.fill(0.0);
         for (x, &u) in f.memory.x.iter().zip(&self.block.unknown) {
-            f.dv[u] = x * f.model.structure().velocities[u].displacement;
+            f.dv[u] = x * f.model.structure().displacement(u);
         }
         f.model.step(q, f.dv);
         f.model.normalise(q);

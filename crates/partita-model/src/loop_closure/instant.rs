@@ -61,7 +61,7 @@ impl<'m> Instant<'m> {
         let scale: Vec<f64> = within
             .iter()
             .enumerate()
-            .map(|(v, &w)| if w { self.model.structure().velocities[v].displacement } else { 0.0 })
+            .map(|(v, &w)| if w { self.model.structure().displacement(v) } else { 0.0 })
             .collect();
         let mut c = self.c.clone();
         for i in 0..self.pattern().rows {
@@ -88,7 +88,7 @@ impl<'m> Instant<'m> {
             for e in self.pattern().row(r) {
                 let v = self.pattern().col_idx[e];
                 if within[v] {
-                    entries[place[v]].push((i, self.c[e] * self.model.structure().velocities[v].displacement / size));
+                    entries[place[v]].push((i, self.c[e] * self.model.structure().displacement(v) / size));
                 }
             }
         }
@@ -110,7 +110,7 @@ impl<'m> Instant<'m> {
             let size = self.model.structure().rows[r].size();
             for e in self.pattern().row(r) {
                 let v = self.pattern().col_idx[e];
-                row[v] = self.c[e] * self.model.structure().velocities[v].displacement / size;
+                row[v] = self.c[e] * self.model.structure().displacement(v) / size;
             }
             row
         };

@@ -59,11 +59,9 @@ impl TreeLaw {
                 continue;
             };
             let weight: Vec<f64> = match law {
-                Law::Linear { factors, .. } => factors
-                    .iter()
-                    .zip(&at)
-                    .map(|(f, x)| f.abs() * model.structure().velocities[x.1].displacement)
-                    .collect(),
+                Law::Linear { factors, .. } => {
+                    factors.iter().zip(&at).map(|(f, x)| f.abs() * model.structure().displacement(x.1)).collect()
+                }
                 Law::Curve { .. } => vec![1.0, 0.0],
                 Law::Motion { .. } | Law::Rate(_) | Law::Function(_) => continue,
             };

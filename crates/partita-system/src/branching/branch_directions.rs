@@ -359,11 +359,6 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub fn own(&self, i: usize, rate: f64) -> RequestedRate {
         let mut row = vec![0.0; self.displacement.len()];
         row[i] = 1.0;
-        RequestedRate {
-            name: self.system.structure().velocities[i].name.to_string(),
-            row,
-            displacement: self.displacement[i],
-            rate,
-        }
+        RequestedRate { name: self.system.structure().velocity_name(i), row, displacement: self.displacement[i], rate }
     }
 }

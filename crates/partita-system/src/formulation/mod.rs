@@ -45,9 +45,9 @@ pub struct Side {
 fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S, out: &mut [f64]) {
     out.fill(1.0);
     for i in 0..system.size().nv {
-        let own = system.structure().velocities[i].coordinates.clone();
+        let own = system.structure().coordinates_of(i);
         if own.len() == 1 {
-            out[own.start] = system.structure().velocities[i].displacement;
+            out[own.start] = system.structure().displacement(i);
         }
     }
 }

@@ -31,10 +31,8 @@ impl MassProjection {
     pub fn new<S: ConstrainedSystem>(system: &S, t: f64, mass: &[f64], c: &Matrix) -> Result<Self, SystemError> {
         let n = system.size().nv;
         let mut l = mass.to_vec();
-        dense::cholesky(&mut l, n).map_err(|e| SystemError::Mass {
-            name: system.structure().velocities[e.index].name.to_string(),
-            pivot: e.pivot,
-        })?;
+        dense::cholesky(&mut l, n)
+            .map_err(|e| SystemError::Mass { name: system.structure().velocity_name(e.index), pivot: e.pivot })?;
         let r = c.rows();
         let mut w = Matrix::new(n, r);
         let mut column = vec![0.0; n];

@@ -43,11 +43,7 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         for i in (0..system.size().holonomic).filter(|&i| system.structure().rows[i].displacement.is_none()) {
             // a coordinate far larger than 1 sets the scale of large displacements itself
             let large = |v: usize| {
-                system.structure().velocities[v]
-                    .coordinates
-                    .clone()
-                    .map(|k| q[k].abs())
-                    .fold(scaled.displacement[v], f64::max)
+                system.structure().coordinates_of(v).map(|k| q[k].abs()).fold(scaled.displacement[v], f64::max)
             };
             let widest = |m: f64, e: usize| m.max(scaled.raw_c[e].abs() * large(scaled.pattern.col_idx[e]));
             let length = scaled.pattern.row(i).fold(0.0, widest);

@@ -355,7 +355,7 @@ fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>> {
     let n = system.size().nv;
     let mut found: Vec<(usize, Vec<usize>)> = Vec::new();
     for i in 0..n {
-        let range = system.structure().velocities[i].coordinates.clone();
+        let range = system.structure().coordinates_of(i);
         match (range.len(), found.iter_mut().find(|f| f.0 == range.start)) {
             (1, _) => {}
             (_, Some(f)) => f.1.push(i),

@@ -140,7 +140,7 @@ fn dropped_rate<S: ConstrainedSystem>(r: &Reduction<S>, fastest: f64) -> f64 {
 
 /// Independent rates of a direction: mixed ones first, irregular, so that no symmetry hides a condition.
 fn rates<S: ConstrainedSystem>(r: &Reduction<S>, (direction, mixed): (usize, usize)) -> Vec<f64> {
-    let displacement = |j: usize| r.system.structure().velocities[r.partition.independent[j]].displacement;
+    let displacement = |j: usize| r.system.structure().displacement(r.partition.independent[j]);
     if let Some(one) = direction.checked_sub(mixed) {
         return (0..r.k()).map(|j| if j == one { displacement(j) } else { 0.0 }).collect();
     }
@@ -166,13 +166,13 @@ impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
         self.r.gamma.fill(0.0);
         self.r.spread(&self.rates);
         let fastest = self.r.system.travel(&self.r.v);
-        let scale = |(i, v): (usize, &f64)| v / (fastest * self.r.system.structure().velocities[i].displacement);
+        let scale = |(i, v): (usize, &f64)| v / (fastest * self.r.system.structure().displacement(i));
         tangent.iter_mut().zip(self.r.v.iter().enumerate().map(scale)).for_each(|(to, x)| *to = x);
         Ok(fastest.is_finite() && fastest > 0.0 && dropped_rate(self.r, fastest) <= tolerance::NULL_VALUE)
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
         let system = &self.r.system;
-        let by = tangent.iter().enumerate().map(|(i, x)| ds * x * system.structure().velocities[i].displacement);
+        let by = tangent.iter().enumerate().map(|(i, x)| ds * x * system.structure().displacement(i));
         self.dv.iter_mut().zip(by).for_each(|(to, x)| *to = x);
         system.step(q, &self.dv);
         system.normalise(q);

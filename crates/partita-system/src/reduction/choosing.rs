@@ -19,10 +19,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             false => self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?,
         }
         if let Some(i) = self.s2.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
-            return Err(SystemError::Mass {
-                name: self.system.structure().velocities[i].name.to_string(),
-                pivot: 1.0 / self.s2[i],
-            });
+            return Err(SystemError::Mass { name: self.system.structure().velocity_name(i), pivot: 1.0 / self.s2[i] });
         }
         for (s, s2) in self.s.iter_mut().zip(&self.s2) {
             *s = s2.sqrt();

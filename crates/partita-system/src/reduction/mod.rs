@@ -396,7 +396,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.md_factor.copy_from_slice(&self.md);
         self.vdot_independent.copy_from_slice(&self.hd);
         dense::cholesky(&mut self.md_factor, self.k).map_err(|e| SystemError::Mass {
-            name: self.system.structure().velocities[self.partition.independent[e.index]].name.to_string(),
+            name: self.system.structure().velocity_name(self.partition.independent[e.index]),
             pivot: e.pivot,
         })?;
         if self.lacks_mass {
@@ -411,7 +411,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         for (j, &i) in self.partition.independent.iter().enumerate() {
             let pivot = self.md_factor[j * self.k + j].powi(2);
             if pivot * self.s2[i] < tolerance::SOLUTION_ROUNDING {
-                return Err(SystemError::Mass { name: self.system.structure().velocities[i].name.to_string(), pivot });
+                return Err(SystemError::Mass { name: self.system.structure().velocity_name(i), pivot });
             }
         }
         Ok(())

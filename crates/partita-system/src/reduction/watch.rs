@@ -104,7 +104,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 continue;
             }
             if let Err(e) = dense::cholesky(&mut mass, k) {
-                let name = self.system.structure().velocities[own[c][e.index]].name.to_string();
+                let name = self.system.structure().velocity_name(own[c][e.index]);
                 return Err(SystemError::Mass { name, pivot: e.pivot });
             }
             let dt: Vec<f64> =

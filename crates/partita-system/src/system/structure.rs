@@ -146,6 +146,21 @@ impl Structure {
         }
     }
 
+    /// Name of velocity `i`.
+    pub fn velocity_name(&self, i: usize) -> String {
+        self.velocities[i].name.to_string()
+    }
+
+    /// The coordinates that velocity `i` changes.
+    pub fn coordinates_of(&self, i: usize) -> Range<usize> {
+        self.velocities[i].coordinates.clone()
+    }
+
+    /// Characteristic displacement of velocity `i`.
+    pub fn displacement(&self, i: usize) -> f64 {
+        self.velocities[i].displacement
+    }
+
     /// Names of these velocities.
     pub fn names(&self, velocities: &[usize]) -> String {
         velocities.iter().map(|&i| &*self.velocities[i].name).collect::<Vec<_>>().join(", ")

@@ -130,7 +130,7 @@ pub fn by_differences<S: Varied + ?Sized>(
         let (dq, dv, dvdot) = (&along.q[part.clone()], &along.v[part.clone()], &along.vdot[part.clone()]);
         // forces are linear in accelerations: their size does not matter to the length of the difference
         let fastest = (0..n).fold(0.0, |m: f64, i| {
-            let displacement = system.structure().velocities[i].displacement;
+            let displacement = system.structure().displacement(i);
             m.max(dq[i].abs() / displacement)
                 .max(dv[i].abs() / displacement.max(at.v[i].abs()))
                 .max(dvdot[i].abs() / displacement.max(at.vdot[i].abs()))

@@ -151,7 +151,7 @@ impl<'s, S: ConstrainedSystem> AllVelocities<'s, S> {
         let r = &self.base.r;
         match failure {
             Failure::Mass { index, pivot } => {
-                SystemError::Mass { name: r.system.structure().velocities[index].name.to_string(), pivot }
+                SystemError::Mass { name: r.system.structure().velocity_name(index), pivot }
             }
             Failure::Rows { sine2 } if r.c.iter().all(|x| x.is_finite()) => {
                 SystemError::Singular { t, pivot: sine2, limit: tolerance::LOST_PIVOT }
@@ -213,7 +213,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
 
 impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
     fn natural_size(&self, j: usize) -> f64 {
-        self.base.r.system.structure().velocities[j].displacement
+        self.base.r.system.structure().displacement(j)
     }
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.choose(t, q)?;

@@ -126,10 +126,8 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         let r = &mut self.base.r;
         let (n, k) = (r.size().nv, r.k());
         let (mut mass, new) = made(&*self.basis, r, t, q, (self.frozen > 0).then_some(&*self.selector))?;
-        dense::cholesky(mass.data_mut(), n).map_err(|e| SystemError::Mass {
-            name: r.system.structure().velocities[e.index].name.to_string(),
-            pivot: e.pivot,
-        })?;
+        dense::cholesky(mass.data_mut(), n)
+            .map_err(|e| SystemError::Mass { name: r.system.structure().velocity_name(e.index), pivot: e.pivot })?;
         // S M⁻¹ Sᵀ = Y Yᵀ with Y = S L_M⁻ᵀ
         let mut half = new.clone();
         (0..k).for_each(|j| dense::cholesky_forward(mass.data(), n, half.row_mut(j)));

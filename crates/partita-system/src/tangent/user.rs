@@ -345,5 +345,5 @@ fn without_inertia<S: ConstrainedSystem>(r: &Reduction<S>) -> String {
     let index = dense::cholesky(&mut r.md.clone(), k).map_or_else(|e| e.index, |()| 0);
     let share = |i: &usize| r.dt[i * k + index].abs();
     let most = (0..r.size().nv).max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(0);
-    r.system.structure().velocities[most].name.to_string()
+    r.system.structure().velocity_name(most)
 }

@@ -32,7 +32,7 @@ fn check(rng: &mut fastrand::Rng, model: &Model, m: &Moment) -> (usize, usize) {
     // inputs moved a little
     let mut dv = vec![0.0; nv];
     for &i in &inputs {
-        dv[i] = 1e-3 * between(rng, -1.0, 1.0) * model.structure().velocities[i].displacement;
+        dv[i] = 1e-3 * between(rng, -1.0, 1.0) * model.structure().displacement(i);
     }
     model.step(&mut q, &dv);
     if closing.close(m.t, &mut q).is_ok() {

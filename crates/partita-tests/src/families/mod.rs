@@ -188,7 +188,7 @@ pub fn rough(model: &Model, rng: &mut fastrand::Rng, part: f64) -> Vec<f64> {
                 let parent = matches!(links[l.parent].motion, LinkMotion::Turn(_)) && l.parent > 0;
                 dv[l.v] = part * (noise[i] - if parent { noise[l.parent] } else { 0.0 });
             }
-            LinkMotion::Slide(_) => dv[l.v] = part * model.structure().velocities[l.v].displacement * noise[i],
+            LinkMotion::Slide(_) => dv[l.v] = part * model.structure().displacement(l.v) * noise[i],
             LinkMotion::Ball => (0..3).for_each(|k| dv[l.v + k] = part * (2.0 * rng.f64() - 1.0)),
         }
     }

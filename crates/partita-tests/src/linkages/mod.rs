@@ -289,7 +289,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
             }
             velocities(model, &samples, h)
         };
-        let h = 1e-3 * model.structure().velocities[input].displacement;
+        let h = 1e-3 * model.structure().displacement(input);
         let (coarse, found) = (differences(2.0 * h), differences(h));
         let (_, c) = position(model, t, &samples[2]);
         let mut v = vec![0.0; found.len()];

@@ -293,7 +293,7 @@ fn dop853() -> (&'static dyn Method, Options) {
 #[test]
 fn a_march_of_the_four_bar_has_the_order_of_collocation() {
     let model = four_bar([1.0, 0.4, 0.9, 0.8], 0.8, 1.0).model();
-    let joint = model.structure().velocities[0].name.to_string();
+    let joint = model.structure().velocity_name(0);
     // at the end of a step, and at the same part of the one that follows it
     let steps = [0.025, 0.0125];
     let at = |h: f64| [0.75, 0.75 + 0.3 * h];
@@ -315,7 +315,7 @@ fn a_march_of_the_four_bar_has_the_order_of_collocation() {
 #[test]
 fn steps_chosen_by_another_estimate_change_coordinates_and_keep_the_tolerance() {
     let model = four_bar([1.0, 0.4, 0.9, 0.8], 0.8, 1.0).model();
-    let joint = model.structure().velocities[0].name.to_string();
+    let joint = model.structure().velocity_name(0);
     let at: Vec<f64> = (0..=20).map(|i| 0.2 * f64::from(i)).collect();
     let (method, options) = dop853();
     let (exact, other) = run(&model, &joint, 3.0, &at, method, options);

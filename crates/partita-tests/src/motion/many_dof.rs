@@ -26,7 +26,7 @@ fn least_singular_value(r: &Reduction<Model>, model: &Model) -> f64 {
         let size = model.structure().rows[i].size();
         for e in pattern.row(i) {
             let column = pattern.col_idx[e];
-            c.row_mut(row)[column] += r.c[e] * model.structure().velocities[column].displacement / size;
+            c.row_mut(row)[column] += r.c[e] * model.structure().displacement(column) / size;
         }
     }
     svd(&c).unwrap().s.last().copied().unwrap()

@@ -276,9 +276,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         self.tangent.full_acceleration(&mut self.vdot);
         let r = self.tangent.seen();
-        let largest = |x: &[f64]| {
-            (0..x.len()).fold(0.0, |m: f64, i| m.max(x[i].abs() / self.system.structure().velocities[i].displacement))
-        };
+        let largest =
+            |x: &[f64]| (0..x.len()).fold(0.0, |m: f64, i| m.max(x[i].abs() / self.system.structure().displacement(i)));
         self.monitor.fastest = (largest(&r.v), largest(&self.vdot));
         self.monitor.judged = true;
         self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);

@@ -59,7 +59,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         velocities.sort_unstable();
         velocities.dedup();
         let mut coordinates: Vec<usize> =
-            velocities.iter().flat_map(|&i| system.structure().velocities[i].coordinates.clone()).collect();
+            velocities.iter().flat_map(|&i| system.structure().coordinates_of(i)).collect();
         coordinates.sort_unstable();
         coordinates.dedup();
         let none = [0.0; 2];
@@ -124,7 +124,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
         for e in pattern.row(row) {
             let i = pattern.col_idx[e];
             sizes[1] += (self.c[e] * self.v[i]).abs();
-            let own = system.structure().velocities[i].coordinates.clone();
+            let own = system.structure().coordinates_of(i);
             if own.len() == 1 {
                 sizes[0] += (self.c[e] * self.q[own.start]).abs();
             }
