@@ -85,7 +85,7 @@ pub fn determined(model: &Model, t: f64, q: &[f64], in_joint_frame: bool) -> Res
     let system = Geometry::of_reactions(model, &twin);
     let (found, _) = here(&system, &analyse(&system, t, &q)?, t, &q)?;
     let mut scratch = twin.scratch();
-    twin.look(&q, &vec![0.0; twin.placed.nv], &mut scratch);
+    twin.equations().look(&q, &vec![0.0; twin.size().nv], scratch.equations());
     let frame = |j: usize| if in_joint_frame { twin.joint_frame(j, &scratch) } else { Mat3::identity() };
     Ok(found.iter().enumerate().map(|(j, x)| x.known(&frame(j))).collect())
 }
@@ -97,7 +97,7 @@ fn here(
     t: f64,
     q: &[f64],
 ) -> Result<(Vec<LoadedDirections>, Vec<bool>), AnalysisError> {
-    let (placed, rows) = (&system.model.placed, system.model.row_names.len());
+    let (placed, rows) = (system.model.zero_position(), system.model.row_names.len());
     if start.dropped.is_empty() {
         return Ok((vec![LoadedDirections::default(); placed.joints.len()], vec![false; rows]));
     }
@@ -111,7 +111,7 @@ fn anywhere(system: &Geometry, t: f64, q: &[f64]) -> Result<(Vec<LoadedDirection
         // fewer conditions are independent: no component is reported as determined
         Err(AnalysisError::System(SystemError::Singular { .. })) => {
             let model = system.model;
-            Ok((vec![LoadedDirections::everything(); model.placed.joints.len()], vec![true; model.row_names.len()]))
+            Ok((vec![LoadedDirections::everything(); model.spec.joints.len()], vec![true; model.row_names.len()]))
         }
         found => found,
     }
@@ -141,8 +141,8 @@ fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
     };
     for stress in stresses {
         for &(row, effort) in &stress.conditions {
-            let is_moment = model.row_is_angle(row) || cosine(row);
-            open[row] |= (if is_moment { effort / model.placed.size } else { effort }).abs() > stress.zero;
+            let is_moment = model.structure().rows[row].is_angle || cosine(row);
+            open[row] |= (if is_moment { effort / model.extent() } else { effort }).abs() > stress.zero;
         }
     }
     open
@@ -157,10 +157,10 @@ fn open_rows(model: &Model, stresses: &[Stress]) -> Vec<bool> {
 /// Where the mechanism cannot be compiled in space, and those of `watch`.
 pub fn flags(model: &Model, states: &States, watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let twin = model.in_space().map_err(AnalysisError::from)?;
-    let (system, still) = (Geometry::of_reactions(model, &twin), vec![0.0; twin.placed.nv]);
+    let (system, still) = (Geometry::of_reactions(model, &twin), vec![0.0; twin.size().nv]);
     let mut dof = 0;
     let first: Vec<usize> = twin
-        .placed
+        .zero_position()
         .joints
         .iter()
         .map(|p| {
@@ -172,9 +172,9 @@ pub fn flags(model: &Model, states: &States, watch: Watch) -> Result<Vec<Vec<f64
     let row = |i: usize, s: &mut partita_model::model::ModelScratch, rows: &mut Rows| {
         let (t, q, _) = states.at(model, i);
         let (found, open) = around(model, &system, t, q)?;
-        twin.look(&lifted(model, &twin, q), &still, s);
+        twin.equations().look(&lifted(model, &twin, q), &still, s.equations());
         rows.row(2, i).fill(1.0);
-        for d in twin.drives.iter().filter(|d| open[d.row]) {
+        for d in twin.drives().iter().filter(|d| open[d.row]) {
             if let Some((j, c)) = d.joint {
                 rows.row(2, i)[first[j] + c] = 0.0;
             }
@@ -191,7 +191,7 @@ pub fn flags(model: &Model, states: &States, watch: Watch) -> Result<Vec<Vec<f64
         }
         Ok(())
     };
-    let (width, conditions) = (6 * twin.placed.joints.len(), model.row_names.len() - model.closing_rows);
+    let (width, conditions) = (6 * twin.spec.joints.len(), model.row_names.len() - model.closing_rows);
     tables(states.len(), &[width, width, dof, conditions], 1, || twin.scratch(), row, watch)
 }
 

@@ -84,8 +84,8 @@ fn out_of_parallel(pose: &Pose, joints: &BTreeSet<usize>) -> Vec<String> {
     let mut turns: Vec<(usize, Vec3<f64>)> = Vec::new();
     let mut slides: Vec<(usize, Vec3<f64>)> = Vec::new();
     for &j in joints {
-        let p = &model.placed.joints[j];
-        let rot = |node: usize, on| pose.tree.links[model.placed.link_of(node)].rot.mul(on);
+        let p = &model.zero_position().joints[j];
+        let rot = |node: usize, on| pose.tree.links[model.zero_position().link_of(node)].rot.mul(on);
         let (on_parent, on_child) = (rot(p.parent, &p.on_parent), rot(p.child, &p.on_child));
         let mut first = true;
         for m in &p.shape.motions {

@@ -15,12 +15,11 @@ use partita_math::tolerance;
 use partita_model::model::ModelScratch;
 use partita_model::tree::LinkMotion;
 use partita_model::Model;
+use partita_system::clusters::Clusters;
 use partita_system::start::Start;
-use partita_system::system::Tangent;
-use partita_system::system::{
-    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales,
-};
-use partita_system::{Finite, Size, SystemError};
+use partita_system::system::structure::{Row, Velocity};
+use partita_system::system::{Guards, Levels, Manifold, Methods, Metric, Structure, Tangent};
+use partita_system::{Size, SystemError};
 
 /// Least size of a loop. Unit: size of the mechanism. Reason: a loop that shrinks to a point still has a size to
 /// compare rounding with.
@@ -38,13 +37,13 @@ pub(crate) fn in_space(model: &Model, q: &[f64]) -> Result<(Model, Vec<f64>), An
 
 /// The coordinates in space of the `twin` that [`Model::in_space`] made.
 pub(crate) fn lifted(model: &Model, twin: &Model, q: &[f64]) -> Vec<f64> {
-    if twin.placed.nq == model.placed.nq {
+    if twin.size().nq == model.size().nq {
         return q.to_vec();
     }
     let mut lifted = twin.initial();
-    let out = model.placed.basis;
-    for (planar, body) in model.placed.bodies.iter().zip(&twin.placed.bodies) {
-        let (turn, ball) = (model.placed.links[planar.link].q, twin.placed.links[body.link].q);
+    let out = model.zero_position().basis;
+    for (planar, body) in model.zero_position().bodies.iter().zip(&twin.zero_position().bodies) {
+        let (turn, ball) = (model.zero_position().links[planar.link].q, twin.zero_position().links[body.link].q);
         let shift = out.apply_transposed(Vec3([q[turn - 2], q[turn - 1], 0.0]));
         let rotation = Quaternion::exp(out.apply_transposed(Vec3([0.0, 0.0, q[turn]])));
         lifted[ball - 3..ball].copy_from_slice(&shift.0);
@@ -57,16 +56,12 @@ pub(crate) fn lifted(model: &Model, twin: &Model, q: &[f64]) -> Vec<f64> {
 pub(crate) struct Geometry<'m> {
     /// The mechanism.
     pub(crate) model: &'m Model,
-    pattern: Pattern,
+    /// That of the mechanism with these rows and sizes.
+    structure: Structure,
     /// Its rows as rows of the mechanism.
     rows: Vec<usize>,
-    /// Number of rows on positions; they come first.
-    holonomic: usize,
     /// `s_i² = [M⁻¹]_ii`: the square of the characteristic displacement of velocity i.
     scale2: Vec<f64>,
-    /// Closure error that a large displacement can cause in each row: 1 for a rotation, the size of its loop for a
-    /// translation.
-    row_displacement: Vec<f64>,
     /// Weight below which a row is round-off.
     nothing: f64,
 }
@@ -87,28 +82,45 @@ impl<'m> Geometry<'m> {
         let columns: Vec<Vec<usize>> = rows.iter().map(|&i| all.col_idx[all.row(i)].to_vec()).collect();
         let pattern = Pattern::from_rows(all.cols, &columns);
         let holonomic = rows.iter().filter(|&&i| i < model.size().holonomic).count();
-        let mut scale2 = vec![1.0; model.placed.nv];
-        for l in model.full.links.iter().skip(1) {
+        let mut scale2 = vec![1.0; model.size().nv];
+        for l in model.equations().full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Slide(_)) {
-                scale2[l.v] = model.placed.length.powi(2);
+                scale2[l.v] = model.length().powi(2);
             }
         }
         let mut row_displacement = Vec::with_capacity(model.pattern().rows);
-        for k in &model.full.closings {
-            let point = model.placed.joints[k.joint].child_point;
-            let length =
-                k.path.iter().fold(LEAST_LOOP * model.placed.size, |m: f64, p| match model.full.links[p.link].motion {
-                    LinkMotion::Slide(_) => model.placed.length,
-                    _ => m.max((point - model.placed.links[p.link].point).norm()),
-                });
+        for k in &model.equations().full.closings {
+            let point = model.zero_position().joints[k.joint].child_point;
+            let length = k.path.iter().fold(LEAST_LOOP * model.extent(), |m: f64, p| {
+                match model.equations().full.links[p.link].motion {
+                    LinkMotion::Slide(_) => model.length(),
+                    _ => m.max((point - model.zero_position().links[p.link].point).norm()),
+                }
+            });
             row_displacement.extend((0..k.rows()).map(|i| if i < k.slide_rows() { length } else { 1.0 }));
         }
         // conditions other than loop closures define their own scale; 0 if unknown
-        row_displacement.extend((model.closing_rows..all.rows).map(|i| model.row_displacement(i).unwrap_or(0.0)));
-        let row_displacement = rows.iter().map(|&i| row_displacement[i]).collect();
+        row_displacement
+            .extend((model.closing_rows..all.rows).map(|i| model.structure().rows[i].displacement.unwrap_or(0.0)));
+        let all = model.structure();
+        let row = |&i: &usize| Row { displacement: Some(row_displacement[i]), ..all.rows[i].clone() };
+        let velocity = |(v, s2): (&Velocity, &f64)| Velocity { displacement: s2.sqrt(), ..v.clone() };
+        let structure = Structure {
+            size: Size { rows: rows.len(), holonomic, ..all.size },
+            clusters: Clusters::one(pattern.cols, pattern.rows),
+            pattern,
+            coordinates: all.coordinates.clone(),
+            velocities: all.velocities.iter().zip(&scale2).map(velocity).collect(),
+            rows: rows.iter().map(row).collect(),
+            rheonomic: all.rheonomic,
+            has_power: false,
+            lacks_mass: false,
+            given_count: 0,
+            drawing: all.drawing.clone(),
+        };
         // weak conditions of a drawing are not round-off
         let nothing = if model.geometry().weak { tolerance::LOST_PIVOT } else { tolerance::REDUNDANT };
-        Self { model, pattern, rows, holonomic, scale2, row_displacement, nothing }
+        Self { model, structure, rows, scale2, nothing }
     }
 
     /// The rows of `twin` that can work against each other in reactions of `model`: drives belong to them, actuators do
@@ -120,18 +132,17 @@ impl<'m> Geometry<'m> {
     /// Length of row `i` of C for unit characteristic displacements over the closure error of a large displacement:
     /// squared, 1 for a well-scaled row.
     fn weight(&self, i: usize, c: &[f64]) -> f64 {
-        if self.row_displacement[i] == 0.0 {
-            return 1.0;
-        }
-        let square = |e: usize| c[e].powi(2) * self.scale2[self.pattern.col_idx[e]];
-        self.pattern.row(i).map(square).sum::<f64>() / self.row_displacement[i].powi(2)
+        let Structure { pattern, rows, .. } = &self.structure;
+        let Some(large) = rows[i].displacement.filter(|x| *x != 0.0) else { return 1.0 };
+        let square = |e: usize| c[e].powi(2) * self.scale2[pattern.col_idx[e]];
+        pattern.row(i).map(square).sum::<f64>() / large.powi(2)
     }
 
     /// Squared sine or [`weight`](Self::weight) of the weakest accepted row: how far the position is from a singular
     /// one.
     pub(crate) fn distance(&self, start: &Start, t: f64, q: &[f64]) -> Result<f64, SystemError> {
         let c = self.jacobian(t, q)?;
-        let kept = (0..self.pattern.rows).filter(|i| start.dropped.binary_search(i).is_err());
+        let kept = (0..self.structure.pattern.rows).filter(|i| start.dropped.binary_search(i).is_err());
         Ok(kept.fold(start.smallest, |m, i| m.min(self.weight(i, &c))))
     }
 
@@ -142,8 +153,8 @@ impl<'m> Geometry<'m> {
 
     /// Values of C, those of the `dropped` rows as they are: a row may be a small multiple of one that is kept.
     pub(crate) fn jacobian_with(&self, dropped: &[usize], t: f64, q: &[f64]) -> Result<Vec<f64>, SystemError> {
-        let rows = self.pattern.rows;
-        let (mut phi, mut c, mut a) = (vec![0.0; rows], vec![0.0; self.pattern.nnz()], vec![0.0; rows]);
+        let rows = self.structure.pattern.rows;
+        let (mut phi, mut c, mut a) = (vec![0.0; rows], vec![0.0; self.structure.pattern.nnz()], vec![0.0; rows]);
         let mut s = self.scratch();
         self.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
         self.restore(dropped, &s, &mut c);
@@ -153,7 +164,7 @@ impl<'m> Geometry<'m> {
     /// Write the `dropped` rows into C as they are at the position just evaluated.
     pub(crate) fn restore(&self, dropped: &[usize], s: &GeometryScratch, c: &mut [f64]) {
         let all = self.model.pattern();
-        dropped.iter().for_each(|&i| c[self.pattern.row(i)].copy_from_slice(&s.c[all.row(self.rows[i])]));
+        dropped.iter().for_each(|&i| c[self.structure.pattern.row(i)].copy_from_slice(&s.c[all.row(self.rows[i])]));
     }
 
     /// Row `i` as a row of the mechanism.
@@ -169,12 +180,8 @@ impl<'m> Geometry<'m> {
 
 impl Levels for Geometry<'_> {
     type Scratch = GeometryScratch;
-    fn size(&self) -> Size {
-        let placed = &self.model.placed;
-        Size { nq: placed.nq, nv: placed.nv, rows: self.pattern.rows, holonomic: self.holonomic }
-    }
-    fn pattern(&self) -> &Pattern {
-        &self.pattern
+    fn structure(&self) -> &Structure {
+        &self.structure
     }
     fn scratch(&self) -> GeometryScratch {
         let all = self.model.pattern();
@@ -184,9 +191,6 @@ impl Levels for Geometry<'_> {
             c: vec![0.0; all.nnz()],
             a: vec![0.0; all.rows],
         }
-    }
-    fn rheonomic(&self) -> bool {
-        self.model.rheonomic()
     }
     fn position(
         &self,
@@ -204,11 +208,11 @@ impl Levels for Geometry<'_> {
                 phi[i] = s.phi[row];
             }
             a[i] = s.a[row];
-            c[self.pattern.row(i)].copy_from_slice(&s.c[all.row(row)]);
+            c[self.structure.pattern.row(i)].copy_from_slice(&s.c[all.row(row)]);
         }
-        for i in 0..self.pattern.rows {
+        for i in 0..self.structure.pattern.rows {
             if self.weight(i, c) < self.nothing {
-                c[self.pattern.row(i)].fill(0.0);
+                c[self.structure.pattern.row(i)].fill(0.0);
             }
         }
         Ok(())
@@ -308,8 +312,6 @@ impl Metric for Geometry<'_> {
     }
 }
 
-impl Clustered for Geometry<'_> {}
-
 impl Manifold for Geometry<'_> {
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
         self.model.rate(q, v, qdot);
@@ -320,61 +322,11 @@ impl Manifold for Geometry<'_> {
     fn normalise(&self, q: &mut [f64]) -> bool {
         self.model.normalise(q)
     }
-    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
-        self.model.velocity_of_coordinate(i)
-    }
-}
-
-impl Scales for Geometry<'_> {
     fn travel(&self, v: &[f64]) -> f64 {
         self.model.travel(v)
-    }
-    fn row_displacement(&self, i: usize) -> Option<f64> {
-        Some(self.row_displacement[i])
-    }
-    fn row_is_angle(&self, i: usize) -> bool {
-        self.model.row_is_angle(self.rows[i])
-    }
-    fn characteristic_displacement(&self, i: usize) -> f64 {
-        self.scale2[i].sqrt()
-    }
-}
-
-impl Names for Geometry<'_> {
-    fn velocity_name(&self, i: usize) -> String {
-        self.model.velocity_name(i)
-    }
-    fn row_name(&self, i: usize) -> String {
-        self.model.row_name(self.rows[i])
-    }
-    fn instantaneous(&self) -> String {
-        self.model.instantaneous()
-    }
-    fn row_description(&self, i: usize) -> String {
-        self.model.row_description(self.rows[i])
-    }
-    fn row_owner(&self, i: usize) -> String {
-        self.model.row_owner(self.rows[i])
-    }
-}
-
-impl Conditions for Geometry<'_> {
-    fn row_is_drive(&self, i: usize) -> bool {
-        self.model.row_is_drive(self.rows[i])
-    }
-    fn row_may_jump(&self, i: usize) -> bool {
-        self.model.row_may_jump(self.rows[i])
-    }
-    fn finite(&self) -> Option<Finite> {
-        self.model.finite()
-    }
-    fn ambiguous(&self) -> Option<String> {
-        self.model.ambiguous()
     }
 }
 
 impl Guards for Geometry<'_> {}
 
-impl Programs for Geometry<'_> {}
-
-impl InverseKinematics for Geometry<'_> {}
+impl Methods for Geometry<'_> {}

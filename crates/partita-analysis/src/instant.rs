@@ -127,8 +127,10 @@ pub fn at<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], v: Option<&[f64]>
     let rest: Vec<f64> = h.iter().zip(mass.matvec(&delta)).map(|(h, x)| h - x).collect();
     let hd = d.matvec(&rest); // h_d = D (h − M [0; ξ])                                           (P3)
     let (mut l, mut u) = (md.data().to_vec(), hd.clone());
-    dense::cholesky(&mut l, r.k())
-        .map_err(|e| SystemError::Mass { name: system.velocity_name(split.independent[e.index]), pivot: e.pivot })?;
+    dense::cholesky(&mut l, r.k()).map_err(|e| SystemError::Mass {
+        name: system.structure().velocity_name(split.independent[e.index]),
+        pivot: e.pivot,
+    })?;
     dense::cholesky_solve(&l, r.k(), &mut u);
     let vdot = split.spread(&u, &xi); // v' = Dᵀ v_I' + [0; ξ]                                    (P2)
     let needed: Vec<f64> = mass.matvec(&vdot).iter().zip(&h).map(|(x, h)| x - h).collect();

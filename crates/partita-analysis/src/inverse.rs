@@ -193,7 +193,7 @@ impl Inverse {
         }
         let names = actuators.iter().map(|a| a.name.clone()).collect();
         let turning = levers.iter().any(|l| l.axis.is_some());
-        let along = |row: usize| actuated.drives.iter().any(|d| d.row == row && d.velocity().is_some());
+        let along = |row: usize| actuated.drives().iter().any(|d| d.row == row && d.velocity().is_some());
         let constant = !turning && levers.iter().flat_map(|l| &l.rows).all(|&row| along(row));
         let (idle, freed) = (idle(&released).len(), actuated.freed());
         Ok(Self { actuated: Arc::new(actuated), released, levers, turning, constant, names, rows, freed, idle })
@@ -216,11 +216,11 @@ impl Inverse {
 
     /// A large value of the measurement of actuator `j`: 1 for an angle, a length for a displacement.
     pub(crate) fn size(&self, j: usize) -> f64 {
-        let turns = self.levers[j].rows.iter().any(|&row| self.actuated.row_is_angle(row));
+        let turns = self.levers[j].rows.iter().any(|&row| self.actuated.structure().rows[row].is_angle);
         if turns {
             1.0
         } else {
-            self.actuated.placed.length
+            self.actuated.length()
         }
     }
 
@@ -272,7 +272,7 @@ impl Inverse {
     pub(crate) fn columns(&self, t: f64, q: &[f64], memory: &mut InverseScratch) -> Result<(), SystemError> {
         let pattern = self.actuated.pattern();
         if self.turning {
-            self.actuated.look(q, &memory.still, &mut memory.scratch);
+            self.actuated.equations().look(q, &memory.still, memory.scratch.equations());
         }
         self.actuated.position(t, q, &mut memory.scratch, &mut memory.phi, &mut memory.c, &mut memory.a)?;
         for ((lever, factors), column) in self.levers.iter().zip(&mut memory.factors).zip(&mut memory.columns) {
@@ -310,7 +310,7 @@ impl Inverse {
     ) -> Result<(), SystemError> {
         self.actuated.velocity(t, q, v, &mut memory.scratch, b)?;
         if self.turning {
-            self.actuated.look(q, v, &mut memory.scratch);
+            self.actuated.equations().look(q, v, memory.scratch.equations());
         }
         let pattern = self.actuated.pattern();
         for ((lever, factors), x) in self.levers.iter().zip(&memory.factors).zip(out) {
@@ -328,10 +328,10 @@ impl Inverse {
 
     /// |k_s|² of each actuator at the positions of the last `columns`, with all joints open.                (19)
     pub(crate) fn lengths2(&self, t: f64, q: &[f64], memory: &mut InverseScratch) -> Result<Vec<f64>, SystemError> {
-        self.actuated.look(q, &memory.still, &mut memory.scratch);
+        self.actuated.equations().look(q, &memory.still, memory.scratch.equations());
         let length2 = |(lever, factors): (&Lever, &[f64; 3])| {
             let rows = lever.rows.iter().zip(factors).map(|(&row, factor)| (Along::Row(row), *factor));
-            self.freed.length2(&self.actuated, (t, q), &memory.scratch, rows)
+            self.freed.length2(self.actuated.equations(), (t, q), memory.scratch.evaluated(), rows)
         };
         self.levers.iter().zip(&memory.factors).map(length2).collect()
     }
@@ -347,11 +347,13 @@ impl Inverse {
         let tangent = Tangent { k, dt: &r.dt, delta: &memory.still };
         r.system.project(t, q, &memory.still, &tangent, &mut r.scratch, &mut memory.md, &mut memory.hd)?;
         let d: Vec<Vec<f64>> = (0..k).map(|c| (0..memory.still.len()).map(|i| r.dt[i * k + c]).collect()).collect();
-        self.freed.add_lacking(&self.actuated, q, &d, &mut memory.scratch, &mut memory.md);
+        self.freed.add_lacking(self.actuated.equations(), q, &d, memory.scratch.equations(), &mut memory.md);
         let mut b = Matrix::new(k, memory.columns.len());
         actuation::reduced(&r.dt, k, memory.columns.iter().map(Vec::as_slice), b.data_mut());
         Ok(Actuation::new(b, &memory.md, &lengths2).map_err(|e| match e {
-            Some((i, pivot)) => SystemError::Mass { name: r.system.velocity_name(r.partition.independent[i]), pivot },
+            Some((i, pivot)) => {
+                SystemError::Mass { name: r.system.structure().velocity_name(r.partition.independent[i]), pivot }
+            }
             None => SystemError::NotFinite { what: "the effect of the actuators".into(), t },
         })?)
     }
@@ -524,7 +526,7 @@ impl Inverse {
             if part(&worst) <= limit {
                 continue;
             }
-            let row = self.released.row_name(fits[worst * FITS + 2 * kind + 1] as usize);
+            let row = &self.released.structure().rows[fits[worst * FITS + 2 * kind + 1] as usize].name;
             let message = format!(
                 "the {levels} of the motion do not fit the constraints: at t = {:.6} s constraint {row} is violated, {what} \
                  is {:.2e} {of} (at most {limit:.0e}); give a motion of this mechanism, as simulate and assemble return it",

@@ -328,7 +328,7 @@ pub fn rates(
         rows.row(3, i).copy_from_slice(&[number as f64, margin, missed.0 as f64, missed.1]);
         Ok(())
     };
-    let chunk = if model.calls_functions() { usize::MAX } else { 1 };
+    let chunk = if model.equations().calls_functions() { usize::MAX } else { 1 };
     let memory = || RateScratch::new(model, &geometry, size.nv - all, targets, dofs.clone());
     let mut tables = tables(count, &widths, chunk, memory, one, watch)?.into_iter();
     let mut next = || tables.next().unwrap_or_default();

@@ -98,7 +98,7 @@ impl Linearized {
     fn size_of<S: ConstrainedSystem>(&self, system: &S, j: usize) -> f64 {
         let FirstOrder { accelerations, multipliers, .. } = &self.first_order;
         let gained = self.vdot.iter().enumerate().fold(0.0, |m: f64, (l, x)| {
-            m.max(accelerations[(l, j)].abs() / x.abs().max(system.characteristic_displacement(l)))
+            m.max(accelerations[(l, j)].abs() / x.abs().max(system.structure().displacement(l)))
         });
         let load = self.multipliers.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let added = (0..self.multipliers.len()).fold(0.0, |m: f64, i| m.max(multipliers[(i, j)].abs()));
@@ -134,12 +134,13 @@ pub fn linearize(
     let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
     let found = solved.first_order(efforts, driven)?;
     let still = system.travel(v) == 0.0;
-    let lasting = if still || !system.rheonomic() { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
+    let lasting =
+        if still || !system.structure().rheonomic { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
     let steady = lasting
         && !accelerates(&*system, &solved, &found)
         && (still || unchanging(&solved, (t, q, v), &found, driven)?)
         && lasts(model, &solved, (t, q, v), &found, driven)?;
-    let conservative = steady && still && driven.is_empty() && !system.rheonomic() && is_conservative(&found);
+    let conservative = steady && still && driven.is_empty() && !system.structure().rheonomic && is_conservative(&found);
     let mut made = Linearized {
         first_order: found,
         vdot: solved.vdot.clone(),
@@ -168,7 +169,7 @@ pub(crate) fn state_error<S: ConstrainedSystem>(system: &S, error: StateError) -
             message: format!(
                 "the velocities violate constraints, the most {} (by {rate:.3e} per second); make the state with \
                  assemble(rates=...)",
-                system.row_description(row)
+                system.structure().rows[row].description
             ),
         },
     }
@@ -177,8 +178,8 @@ pub(crate) fn state_error<S: ConstrainedSystem>(system: &S, error: StateError) -
 /// Natural sizes of the states: characteristic displacements, and the same per second.
 fn sizes<S: ConstrainedSystem>(system: &S, found: &FirstOrder) -> Vec<f64> {
     let of = |velocities: &[usize], drives: &[usize]| {
-        let drives = drives.iter().map(|&i| system.row_displacement(i).unwrap_or(1.0));
-        velocities.iter().map(|&i| system.characteristic_displacement(i)).chain(drives).collect::<Vec<_>>()
+        let drives = drives.iter().map(|&i| system.structure().rows[i].size());
+        velocities.iter().map(|&i| system.structure().displacement(i)).chain(drives).collect::<Vec<_>>()
     };
     [of(&found.positions, &found.driven_positions), of(&found.velocities, &found.driven_rates)].concat()
 }
@@ -223,7 +224,7 @@ fn persists<S: ConstrainedSystem + Varied>(
     let h = f64::EPSILON.cbrt() / fastest;
     let (ahead, behind) = (beside(solved, (t, q, v), h)?, beside(solved, (t, q, v), -h)?);
     // the fastest motion, and what forces and the drives accelerate by themselves
-    let size = |i: usize| system.characteristic_displacement(i);
+    let size = |i: usize| system.structure().displacement(i);
     let strongest = (0..v.len()).fold(fastest * fastest, |m: f64, i| m.max(solved.vdot[i].abs() / size(i)));
     Ok(solved.reduction.partition.independent.iter().all(|&i| {
         let grown = (ahead.vdot[i] - behind.vdot[i]).abs() / (2.0 * h);
@@ -241,8 +242,8 @@ fn lasts(
     driven: &[Driven],
 ) -> Result<bool, AnalysisError> {
     let still = model.travel(v) == 0.0;
-    let changes = model.rheonomic() || time_domain::changes(&model.spec);
-    if !changes || (model.rheonomic() && !still) {
+    let changes = model.structure().rheonomic || time_domain::changes(&model.spec);
+    if !changes || (model.structure().rheonomic && !still) {
         return Ok(true);
     }
     let (kz, n, sizes) = (found.displacements.cols(), found.f0.len(), sizes(model, found));
@@ -250,8 +251,7 @@ fn lasts(
     let all = || (kz..n).flat_map(|i| (0..n).map(move |j| (i, j)));
     let largest = all().fold(0.0, |m: f64, (i, j)| m.max(scaled(&found.a, i, j).abs()));
     let natural = if largest > 1.0 { 1.0 / largest.sqrt() } else { 1.0 };
-    let strongest =
-        (0..v.len()).fold(0.0, |m: f64, i| m.max(solved.vdot[i].abs() / model.characteristic_displacement(i)));
+    let strongest = (0..v.len()).fold(0.0, |m: f64, i| m.max(solved.vdot[i].abs() / model.structure().displacement(i)));
     let exact = found.derivatives == Derivatives::Exact;
     let bound = largest.max(strongest) * if exact { tolerance::CLOSED_IN_RUN } else { tolerance::OPEN };
     let independent = Some(&*solved.reduction.partition.independent);
@@ -262,7 +262,7 @@ fn lasts(
             // a table has ended, or a function is not defined there: nothing is known of that time
             Err(StateError::System(_)) => continue,
         };
-        let by = |i: usize| (there.vdot[i] - solved.vdot[i]).abs() / model.characteristic_displacement(i);
+        let by = |i: usize| (there.vdot[i] - solved.vdot[i]).abs() / model.structure().displacement(i);
         let first = there.first_order(&[], driven)?;
         let grown = |(i, j): (usize, usize)| (scaled(&first.a, i, j) - scaled(&found.a, i, j)).abs();
         if (0..v.len()).any(|i| by(i) > bound) || first.positions != found.positions || all().any(|e| grown(e) > bound)

@@ -71,7 +71,7 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
     let (twin, q) = in_space(model, q)?;
     let released = Geometry::new(&twin, false);
     let free = analyse(&released, t, &q)?;
-    let (nv, bodies) = (twin.placed.nv, twin.placed.bodies.len());
+    let (nv, bodies) = (twin.size().nv, twin.spec.bodies.len());
     let pose = Pose::new(&twin, t, &q);
     let mut redundant = Vec::with_capacity(free.dropped.len());
     let of_rows = stresses(&released, &pose, &free, t, &q)?;
@@ -79,14 +79,15 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         geometric_error::of_drawing(model);
     for (stress, &row) in of_rows.iter().zip(&free.dropped) {
         redundant.push(Redundant {
-            row: released.row_name(row),
+            row: released.structure().rows[row].name.to_string(),
             joint: twin.row_names[released.row_of_model(row)].owner.name(&twin.spec).to_string(),
             why: reason(&pose, stress),
         });
     }
     let mut found = Mobility {
         mobility: nv - free.rank,
-        joint_rows: twin.placed.joints.iter().map(|p| p.shape.conditions()).sum::<usize>() + twin.coupling_rows(),
+        joint_rows: twin.zero_position().joints.iter().map(|p| p.shape.conditions()).sum::<usize>()
+            + twin.coupling_rows(),
         joint_rank: 6 * bodies + free.rank - nv,
         closing_rows: released.size().rows,
         closing_rank: free.rank,
@@ -98,12 +99,12 @@ pub fn mobility(model: &Model, t: f64, q: &[f64]) -> Result<Mobility, AnalysisEr
         smallest: released.distance(&free, t, &q)?,
         dropped: free.dropped.iter().map(|&i| released.row_of_model(i)).collect(),
     };
-    if !twin.drives.is_empty() {
+    if !twin.drives().is_empty() {
         let driven = Geometry::new(&twin, true);
         let start = analyse(&driven, t, &q)?;
         let rank = start.rank;
         found.smallest = driven.distance(&start, t, &q)?;
-        if rank < found.closing_rank + twin.drives.len() {
+        if rank < found.closing_rank + twin.drives().len() {
             superfluous_drives(&driven, t, &q, &mut found)?;
         }
         found.mobility = nv - rank;
@@ -141,7 +142,7 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
     let mut rows: Vec<usize> = model.undriven().filter(|i| found.dropped.binary_search(i).is_err()).collect();
     let mut before: Vec<&str> = Vec::new();
     let has_motion = found.mobility > 0;
-    for d in &model.drives {
+    for d in model.drives() {
         rows.push(d.row);
         let columns: Vec<Vec<usize>> = rows.iter().map(|&i| pattern.col_idx[pattern.row(i)].to_vec()).collect();
         let values: Vec<f64> = rows.iter().flat_map(|&i| &c[pattern.row(i)]).copied().collect();
@@ -160,7 +161,7 @@ fn superfluous_drives(driven: &Geometry, t: f64, q: &[f64], found: &mut Mobility
             (true, before) => format!("this coordinate is already determined by driving {}", names(before)),
         };
         let joint = d.joint.map_or(&d.name, |(j, _)| &model.spec.joints[j].name).clone();
-        found.redundant.push(Redundant { row: driven.row_name(d.row), joint, why });
+        found.redundant.push(Redundant { row: driven.structure().rows[d.row].name.to_string(), joint, why });
     }
     Ok(())
 }
@@ -241,7 +242,7 @@ mod tests {
         spec.joints.push(joint("shoulder", Revolute, "ground", "arm", [0.0, -1.0, 0.0], [1.0, 0.2, 0.1]));
         let m = model(tilted(spec));
         let mut q = m.initial();
-        let shoulder = m.placed.velocity_names.iter().position(|n| n == "shoulder").unwrap();
+        let shoulder = m.structure().velocities.iter().position(|v| &*v.name == "shoulder").unwrap();
         for angle in [0.0, 0.3, 0.7, 1.9, -2.5] {
             q[shoulder] = angle;
             let found = mobility(&m, 0.0, &q).unwrap();

@@ -33,7 +33,7 @@ pub(crate) fn idle_bodies(model: &Model) -> Vec<usize> {
 
 /// The same, and those on which some load depends.
 fn free_spins(model: &Model) -> Vec<spin::Idle> {
-    spin::idle(&model.spec, &model.placed)
+    spin::idle(&model.spec, model.zero_position())
 }
 
 fn named(model: &Model, x: &spin::Idle) -> Idle {
@@ -42,7 +42,7 @@ fn named(model: &Model, x: &spin::Idle) -> Idle {
     Idle {
         bodies: x.bodies.iter().map(|&b| model.spec.bodies[b].name.clone()).collect(),
         joints: joints.chain(couplings).collect(),
-        held: model.placed.held.iter().any(|h| x.bodies == [h.body]),
+        held: model.zero_position().held.iter().any(|h| x.bodies == [h.body]),
     }
 }
 
@@ -108,7 +108,7 @@ const FAR_OFF: f64 = 100.0;
 pub fn suspicious(model: &Model) -> Vec<String> {
     let mut found = Vec::new();
     let turns = |joint: &str, coordinate: usize| {
-        model.placed.joint_numbers.get(joint).is_some_and(|&j| model.placed.joints[j].shape.turns(coordinate))
+        model.zero_position().joint_numbers.get(joint).is_some_and(|&j| model.shape(j).turns(coordinate))
     };
     let mut angle = |what: String, x: f64| {
         if x.abs() >= DEGREES && x.fract() == 0.0 {
@@ -157,7 +157,7 @@ pub fn suspicious(model: &Model) -> Vec<String> {
 /// The largest distance between two joints of a body.
 fn extent(model: &Model, i: usize) -> Option<f64> {
     let points: Vec<_> = model
-        .placed
+        .zero_position()
         .joints
         .iter()
         .filter_map(|p| match (p.parent == i + 1, p.child == i + 1) {

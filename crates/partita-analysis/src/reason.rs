@@ -24,8 +24,8 @@ impl Motions {
     fn of(pose: &Pose, joints: &[usize], parallel: f64) -> Self {
         let mut all = Self { turns: Vec::new(), slides: Vec::new(), balls: Vec::new(), parallel };
         for &j in joints {
-            let p = &pose.model.placed.joints[j];
-            let axes_on = |node: usize| pose.tree.links[pose.model.placed.link_of(node)].rot;
+            let p = &pose.model.zero_position().joints[j];
+            let axes_on = |node: usize| pose.tree.links[pose.model.zero_position().link_of(node)].rot;
             let (on_parent, on_child) = (axes_on(p.parent).mul(&p.on_parent), axes_on(p.child).mul(&p.on_child));
             let mut first = true;
             for m in &p.shape.motions {
@@ -108,7 +108,7 @@ pub(crate) fn reason(pose: &Pose, stress: &Stress) -> String {
         );
     }
     let all = names(&all);
-    let size = pose.model.placed.size;
+    let size = pose.model.extent();
     let motions = Motions::of(pose, &joints, tolerance::EQUAL);
     let wrenches = || stress.joints.iter().map(|(j, w)| (pose.points[*j], w));
     let small = |force: f64| force <= stress.zero;

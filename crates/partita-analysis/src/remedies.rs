@@ -126,18 +126,18 @@ pub fn remedies(model: &Model, t: f64, q: &[f64]) -> Result<Vec<Remedy>, Analysi
     }
     let found = stresses(&system, &Pose::new(&twin, t, &q), &start, t, &q)?;
     let mut scratch = twin.scratch();
-    twin.look(&q, &vec![0.0; twin.placed.nv], &mut scratch);
+    twin.equations().look(&q, &vec![0.0; twin.size().nv], scratch.equations());
     // of each joint, six columns: what each self-stress does to a component
-    let mut columns = vec![vec![vec![0.0; count]; 6]; twin.placed.joints.len()];
+    let mut columns = vec![vec![vec![0.0; count]; 6]; twin.spec.joints.len()];
     for (i, stress) in found.iter().enumerate() {
-        let norm = |w: &partita_model::reaction::Wrench| w.force.norm().max(w.moment.norm() / twin.placed.length);
+        let norm = |w: &partita_model::reaction::Wrench| w.force.norm().max(w.moment.norm() / twin.length());
         let size = stress.joints.iter().fold(0.0, |m: f64, (_, w)| m.max(norm(w)));
         for (j, w) in &stress.joints {
             let axes = twin.joint_frame(*j, &scratch);
             let (f, m) = (axes.apply_transposed(w.force), axes.apply_transposed(w.moment));
             for c in 0..3 {
                 columns[*j][c][i] = f.0[c] / size;
-                columns[*j][3 + c][i] = m.0[c] / (size * twin.placed.length);
+                columns[*j][3 + c][i] = m.0[c] / (size * twin.length());
             }
         }
     }
@@ -180,7 +180,7 @@ pub fn remedies(model: &Model, t: f64, q: &[f64]) -> Result<Vec<Remedy>, Analysi
         }
     }
     sort_by_key(&mut chosen, |w| w.joint);
-    if !restores(model, &chosen, twin.placed.nv - start.rank) {
+    if !restores(model, &chosen, twin.size().nv - start.rank) {
         return Ok(Vec::new());
     }
     let remedy = |w: &Replacement| {
@@ -237,7 +237,7 @@ fn restores(model: &Model, chosen: &[Replacement], dof: usize) -> bool {
     spec.drives.clear();
     spec.forces.clear();
     for w in chosen {
-        let shape = &model.placed.joints[w.joint].shape;
+        let shape = model.shape(w.joint);
         let j: &mut Joint = &mut spec.joints[w.joint];
         j.kind = w.kind;
         if w.kind == JointKind::Generic {

@@ -151,7 +151,7 @@ pub struct Singular {
 
 /// Measures and the choice at a position; none where a body that moves has no inertia.
 fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<Measured>, SystemError> {
-    let mut r = Reduction::new(model, model.placed.nv - mobility);
+    let mut r = Reduction::new(model, model.size().nv - mobility);
     if mobility == 0 {
         // no coordinate to choose, however weak the conditions that lock it
         r.position(t, q)?;
@@ -159,7 +159,7 @@ fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<
             Err(SystemError::Mass { .. }) => Ok(None),
             Err(e) => Err(e),
             Ok(()) => {
-                let (rho, scales) = (vec![0.0; model.placed.nv], r.scales().to_vec());
+                let (rho, scales) = (vec![0.0; model.size().nv], r.scales().to_vec());
                 Ok(Some(Measured { rho, independent: Vec::new(), scales, sigma: 1.0, sqrt_mu: 1.0 }))
             }
         };
@@ -169,7 +169,7 @@ fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<
         Err(SystemError::Mass { .. }) => return Ok(None),
         other => other?,
     }
-    let mut rho = vec![0.0; model.placed.nv];
+    let mut rho = vec![0.0; model.size().nv];
     r.measure(t, q, &mut rho)?;
     let quality = r.quality(t, q)?;
     let (independent, scales) = (r.partition.independent.clone(), r.scales().to_vec());
@@ -201,7 +201,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     let Some(found) = branching::look(&joints, t, q, false)? else {
         // the joints alone are regular, so the drives are at a dead centre
         let Some(words) = branching::words(&driven, t, q)? else { return Err(e) };
-        let free = model.placed.nv - rank_here(&joints, t, q)?.rank;
+        let free = model.size().nv - rank_here(&joints, t, q)?.rank;
         let (many, structure, described, branches) = (false, false, false, Vec::new());
         let singular = Singular { here: free, beside: free, structure, many, branches, described, words };
         return Ok(Report { degrees_of_freedom: free, singular: Some(singular), ..unmoved(model)? });
@@ -214,7 +214,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     };
     // drives that lock it here need not lock it elsewhere, and a mobility that is only instantaneous remains so along
     // the rest
-    let on = found.branches.first().filter(|_| model.drives.is_empty() && found.seeming == 0);
+    let on = found.branches.first().filter(|_| model.drives().is_empty() && found.seeming == 0);
     let singular = Singular {
         here: found.here,
         beside: found.beside(),
@@ -233,7 +233,7 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
     };
     reported.degrees_of_freedom = singular.beside;
     reported.mobility = match found.branches.first() {
-        Some(b) if !model.drives.is_empty() => model.placed.nv - rank_here(&driven, t, &b.beside)?.rank,
+        Some(b) if !model.drives().is_empty() => model.size().nv - rank_here(&driven, t, &b.beside)?.rank,
         _ => singular.beside,
     };
     reported.singular = Some(singular);
@@ -242,7 +242,8 @@ pub fn report(model: &Model, t: f64, q: &[f64]) -> Result<Report, AnalysisError>
 
 /// Properties of a mechanism that do not depend on its motion.
 fn unmoved(model: &Model) -> Result<Report, AnalysisError> {
-    let placed = &model.in_space()?.placed;
+    let twin = model.in_space()?;
+    let placed = twin.zero_position();
     let joint_rows = placed.joints.iter().map(|p| p.shape.conditions()).sum::<usize>();
     let gruebler = 6 * placed.bodies.len() as i64 - joint_rows as i64;
     Ok(Report {
@@ -265,7 +266,7 @@ fn unmoved(model: &Model) -> Result<Report, AnalysisError> {
         geometric_errors: Vec::new(),
         redundant: Vec::new(),
         tree: tree(model),
-        cuts: model.placed.topology.cuts.iter().map(|&j| joint_line(model, j)).collect(),
+        cuts: model.cuts().iter().map(|&j| joint_line(model, j)).collect(),
         coordinates: Vec::new(),
         independent: Vec::new(),
         sigma: None,
@@ -286,14 +287,14 @@ fn tree(model: &Model) -> Vec<JointLine> {
             JointLine { joint: body.clone(), kind: "floating".into(), parent, child: body.clone() }
         }
     };
-    model.placed.topology.tree.iter().map(line).collect()
+    model.tree().iter().map(line).collect()
 }
 
 /// Report at a position that is not singular, given its mobility.
 fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, AnalysisError> {
     let known = determined(model, t, q, true)?;
     let measured = measured(model, t, q, found.mobility)?;
-    let placed = &model.placed;
+    let placed = model.zero_position();
     let lines = |m: &Measured| -> Vec<CoordinateLine> {
         let line = |i: usize| CoordinateLine {
             name: placed.velocity_names[i].clone(),
@@ -312,10 +313,10 @@ fn regular(model: &Model, t: f64, q: &[f64], found: Mobility) -> Result<Report, 
         let spins = spins_unfelt(model);
         notes.push(match (unfelt, spins) {
             (_, Some(words)) => words,
-            (Some((motion, bodies)), _) => format!(
+            (Some((motion, v)), _) => format!(
                 "a degree of freedom moves no mass: the motion {motion} (rad/s, m/s) involves only {}, without mass \
                  or inertia in that direction",
-                names(&bodies)
+                names(&model.bodies_moved(q, &v))
             ),
             (None, None) => without_inertia(model),
         });
@@ -383,17 +384,17 @@ fn undriven(model: &Model, t: f64, q: &[f64]) -> Option<Vec<f64>> {
 fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility: usize) -> Still {
     let Some(m) = measured.filter(|_| mobility > 0) else { return Default::default() };
     let size = model.size();
-    if (size.holonomic..size.rows).any(|i| !model.row_is_drive(i)) {
+    if (size.holonomic..size.rows).any(|i| !model.structure().rows[i].is_drive) {
         return Default::default(); // what rolls comes to any position by manoeuvres, one nearby tells nothing
     }
-    let driven: HashSet<usize> = model.drives.iter().filter_map(DriveRow::velocity).collect();
+    let driven: HashSet<usize> = model.drives().iter().filter_map(DriveRow::velocity).collect();
     let stands = |rho: &[f64], i: usize| rho[i] < tolerance::TAKES_PART && !driven.contains(&i);
     let all: Vec<usize> = (0..m.rho.len()).filter(|&i| stands(&m.rho, i)).collect();
     if all.is_empty() {
         return Default::default();
     }
-    let names = |which: Vec<usize>| which.into_iter().map(|i| model.placed.velocity_names[i].clone()).collect();
-    let without = if model.drives.is_empty() { None } else { undriven(model, t, q) };
+    let names = |which: Vec<usize>| which.into_iter().map(|i| model.structure().velocity_name(i)).collect();
+    let without = if model.drives().is_empty() { None } else { undriven(model, t, q) };
     let follows = |i: usize| without.as_ref().is_some_and(|rho| rho[i] >= tolerance::TAKES_PART);
     let (prescribed, all): (Vec<usize>, Vec<usize>) = all.into_iter().partition(|&i| follows(i));
     let prescribed = names(prescribed);
@@ -403,8 +404,8 @@ fn still(model: &Model, t: f64, q: &[f64], measured: Option<&Measured>, mobility
     let nearby = || -> Option<Vec<f64>> {
         // all of them, by moves that have nothing in common
         let moved = m.independent.iter().enumerate().filter_map(|(k, &i)| {
-            let c = (0..q.len()).find(|&c| model.velocity_of_coordinate(c) == Some(i))?;
-            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.characteristic_displacement(i)))
+            let c = (0..q.len()).find(|&c| model.structure().coordinates[c].velocity == Some(i))?;
+            Some((c, q[c] + NUDGE * (1.0 + 0.37 * (k as f64).sin()) * model.structure().displacement(i)))
         });
         let moved: Vec<(usize, f64)> = moved.collect();
         let mut near = q.to_vec();

@@ -191,7 +191,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
         let model = self.system.model;
         let SharingScratch { stresses, rows, model: s, .. } = memory;
         if !self.metric.alike {
-            model.look(q, &vec![0.0; model.placed.nv], s);
+            model.equations().look(q, &vec![0.0; model.size().nv], s.equations());
         }
         let axes = |j: usize| if self.metric.alike { Mat3::identity() } else { model.joint_frame(j, s) };
         rows.fill(&self.metric, stresses, axes);
@@ -270,13 +270,13 @@ pub fn multipliers(
         return Ok(());
     }
     let mut s = model.scratch();
-    let given = model.reactions(t, q, v, vdot, lambda, &mut s)?;
+    let given = model.equations().reactions(t, q, v, vdot, lambda, s.equations())?;
     let mut wanted = given.joints.clone();
     with_rule(model, Some((t, q)), |rule| match rule {
         Some(rule) => rule.share(t, q, &mut wanted, &mut lambda.to_vec(), &mut rule.memory()),
         None => Ok(()),
     })?;
-    let length = model.placed.length;
+    let length = model.length();
     let components = |joints: &[Wrench]| -> Vec<f64> {
         joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.times(1.0 / length).0)).collect()
     };
@@ -290,7 +290,7 @@ pub fn multipliers(
         let mut n = vec![0.0; lambda.len()];
         n[row] = 1.0;
         split.rows.iter().zip(kept).for_each(|(&i, x)| n[i] = x);
-        let w = components(&model.wrenches_of(q, &n, &mut s));
+        let w = components(&model.equations().wrenches_of(q, &n, s.equations()));
         let size = w.iter().map(|x| x * x).sum::<f64>().sqrt();
         if size > 0.0 {
             n.iter_mut().for_each(|x| *x /= size);
@@ -312,7 +312,7 @@ pub fn multipliers(
 /// Whether conditions can be redundant that joints pass on: loop closures, and couplings and drives beside a joint.
 fn may_share(model: &Model) -> bool {
     let others = model.row_names.len() > model.closing_rows;
-    !model.placed.topology.cuts.is_empty() || others && !model.placed.joints.is_empty()
+    !model.cuts().is_empty() || others && !model.zero_position().joints.is_empty()
 }
 
 /// The rule in the coordinates of the model itself.
@@ -375,10 +375,10 @@ mod tests {
 
     /// Shared wrenches at rest in the drawn position.
     fn shared(m: &Model) -> Vec<Wrench> {
-        let (q, v) = (m.initial(), vec![0.0; m.placed.nv]);
+        let (q, v) = (m.initial(), vec![0.0; m.size().nv]);
         let i = crate::instant::at(m, 0.0, &q, Some(&v)).unwrap();
         let mut s = m.scratch();
-        let mut joints = m.reactions(0.0, &q, &v, &i.vdot, &i.multipliers, &mut s).unwrap().joints;
+        let mut joints = m.equations().reactions(0.0, &q, &v, &i.vdot, &i.multipliers, s.equations()).unwrap().joints;
         with_rule::<_, AnalysisError>(m, Some((0.0, &q)), |rule| {
             let rule = rule.expect("something is redundant");
             rule.share(0.0, &q, &mut joints, &mut i.multipliers.clone(), &mut rule.memory())
@@ -393,7 +393,7 @@ mod tests {
             let mut before: Option<Vec<Wrench>> = None;
             for coordinates in [Coordinates::Relative, Coordinates::Absolute] {
                 let m = compiled(spec.clone(), coordinates);
-                let (nj, w) = (m.placed.joints.len(), shared(&m));
+                let (nj, w) = (m.spec.joints.len(), shared(&m));
                 let base = self_stresses(&m, 0.0, &m.initial()).unwrap();
                 let per = |c: usize| if c < 3 { 1.0 } else { base.length.powi(-2) };
                 let of = |a: usize, j: usize, c: usize| base.wrenches[(a * nj + j) * 6 + c];
@@ -455,9 +455,13 @@ mod tests {
             let m = model(changed(change));
             assert!(!asked(changed(change)));
             // and the rule itself says so
-            let (q, v) = (m.initial(), vec![0.3; m.placed.nv]);
+            let (q, v) = (m.initial(), vec![0.3; m.size().nv]);
             let i = crate::instant::at(&m, 0.0, &q, Some(&v)).unwrap();
-            let own = m.reactions(0.0, &q, &i.v, &i.vdot, &i.multipliers, &mut m.scratch()).unwrap().joints;
+            let own = m
+                .equations()
+                .reactions(0.0, &q, &i.v, &i.vdot, &i.multipliers, m.scratch().equations())
+                .unwrap()
+                .joints;
             let mut joints = own.clone();
             with_rule::<_, AnalysisError>(&m, Some((0.0, &q)), |rule| {
                 let rule = rule.expect("redundant across the plane");
@@ -507,14 +511,14 @@ mod tests {
     #[test]
     fn multipliers_of_the_rule_balance_the_same_motion() {
         let m = model(bricard());
-        let (q, v) = (m.initial(), vec![0.0; m.placed.nv]);
+        let (q, v) = (m.initial(), vec![0.0; m.size().nv]);
         let i = crate::instant::at(&m, 0.0, &q, Some(&v)).unwrap();
         let mut lambda = i.multipliers.clone();
         multipliers(&m, (0.0, &q, &v), &i.vdot, &mut lambda, &i.c, &i.split).unwrap();
         assert!(lambda.iter().zip(&i.multipliers).any(|(x, y)| (x - y).abs() > 1e-3));
         let change: Vec<f64> = lambda.iter().zip(&i.multipliers).map(|(x, y)| x - y).collect();
         assert!(i.c.transpose().matvec(&change).iter().all(|x| x.abs() < 1e-10));
-        let own = m.reactions(0.0, &q, &v, &i.vdot, &lambda, &mut m.scratch()).unwrap().joints;
+        let own = m.equations().reactions(0.0, &q, &v, &i.vdot, &lambda, m.scratch().equations()).unwrap().joints;
         for (x, y) in own.iter().zip(shared(&m)) {
             assert!((x.force - y.force).norm() < 1e-9);
         }

@@ -77,7 +77,7 @@ struct WrenchScratch {
 
 impl WrenchScratch {
     fn new(model: &Model) -> Self {
-        let joints = model.placed.joints.len();
+        let joints = model.spec.joints.len();
         let sums = Sums { of: vec![Wrench::default(); joints], touched: Vec::new(), is_touched: vec![false; joints] };
         Self { dense: vec![0.0; model.pattern().rows], closings: Vec::new(), sums }
     }
@@ -86,12 +86,13 @@ impl WrenchScratch {
 impl<'m> Pose<'m> {
     /// At q of the mechanism in space, whose axes are the world's.
     pub(crate) fn new(model: &'m Model, t: f64, q: &[f64]) -> Self {
-        let placed = &model.placed;
+        let placed = model.zero_position();
         let mut held = vec![(usize::MAX, 0); placed.bodies.len() + 1];
         for (i, e) in placed.topology.tree.iter().enumerate() {
             held[e.to] = (i, held[e.from].1 + 1);
         }
-        let mut made = Self { model, tree: model.full.scratch(), points: Vec::new(), held, at: (t, Vec::new()) };
+        let mut made =
+            Self { model, tree: model.equations().full.scratch(), points: Vec::new(), held, at: (t, Vec::new()) };
         made.move_to(t, q);
         made
     }
@@ -99,12 +100,13 @@ impl<'m> Pose<'m> {
     /// To another position.
     pub(crate) fn move_to(&mut self, t: f64, q: &[f64]) {
         let (model, tree) = (self.model, &mut self.tree);
-        model.full.poses(q, tree);
-        let reference = model.reference();
+        model.equations().full.poses(q, tree);
+        let reference = model.equations().reference();
         self.points.clear();
-        self.points.extend(model.placed.joints.iter().map(|p| {
-            let link = model.placed.link_of(p.child);
-            model.full.reference_point(link, tree) + tree.links[link].rot.apply(p.child_point - reference[link])
+        self.points.extend(model.zero_position().joints.iter().map(|p| {
+            let link = model.zero_position().link_of(p.child);
+            model.equations().full.reference_point(link, tree)
+                + tree.links[link].rot.apply(p.child_point - reference[link])
         }));
         self.at.0 = t;
         self.at.1.clear();
@@ -113,7 +115,7 @@ impl<'m> Pose<'m> {
 
     /// Visit the tree edges between two nodes, each with the side it is on: away from the ground towards `b`?
     fn between(&self, mut a: usize, mut b: usize, mut visit: impl FnMut(usize, bool)) {
-        let tree = &self.model.placed.topology.tree;
+        let tree = self.model.tree();
         while a != b {
             let towards_b = self.held[b].1 >= self.held[a].1;
             let node = if towards_b { &mut b } else { &mut a };
@@ -130,11 +132,11 @@ impl<'m> Pose<'m> {
         let owner = model.row_names[row].owner;
         let own = match owner {
             Owner::Joint(j) => Some(j),
-            Owner::Drive(i) => model.drives.iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
+            Owner::Drive(i) => model.drives().iter().find(|d| d.number == i).and_then(|d| d.joint).map(|(j, _)| j),
             Owner::Coupling(_) | Owner::Rotor(_) => None,
         };
         let mut taken: Vec<(usize, f64)> = Vec::new();
-        model.apply_condition(
+        model.equations().apply_condition(
             &self.tree,
             (*t, q),
             (row, x),
@@ -142,7 +144,7 @@ impl<'m> Pose<'m> {
                 let w = Wrench { moment: w.moment + (point - origin).cross(w.force), force: w.force };
                 own.into_iter().for_each(|j| sums.add(j, 1.0, &w));
                 self.between(a, b, |edge, towards_b| {
-                    let e = &model.placed.topology.tree[edge];
+                    let e = model.tree()[edge];
                     if let Some(j) = e.joint {
                         sums.add(j, if towards_b == e.reversed { 1.0 } else { -1.0 }, &w);
                     }
@@ -155,10 +157,10 @@ impl<'m> Pose<'m> {
             return Ok(());
         }
         let effort = |v: usize| taken.iter().filter(|x| x.0 == v).map(|x| x.1).sum::<f64>();
-        for (j, p) in model.placed.joints.iter().enumerate() {
+        for (j, p) in model.zero_position().joints.iter().enumerate() {
             let (mut axes, mut efforts) = (Vec::new(), Vec::new());
             for (motion, &l) in p.shape.motions.iter().zip(p.links.iter().flatten()) {
-                let (x, v) = (&self.tree.links[l], model.placed.links[l].v);
+                let (x, v) = (&self.tree.links[l], model.zero_position().links[l].v);
                 match motion {
                     Motion::Turn(_) => axes.push((true, x.axis)),
                     Motion::Slide(_) => axes.push((false, x.direction)),
@@ -185,7 +187,7 @@ impl<'m> Pose<'m> {
         found: &mut Vec<(usize, Wrench)>,
     ) {
         found.clear();
-        let full = &self.model.full;
+        let full = &self.model.equations().full;
         let Some(&(first, _)) = lambda.first() else { return };
         closings.clear();
         closings.extend(lambda.iter().filter_map(|&(row, _)| closing_of.get(row).copied()));
@@ -198,9 +200,9 @@ impl<'m> Pose<'m> {
             let (moment, force) = full.closing_wrench(k, &self.tree, dense);
             let w = Wrench { moment: moment + (self.points[k.joint] - origin).cross(force), force };
             sums.add(k.joint, 1.0, &w);
-            let p = &self.model.placed.joints[k.joint];
+            let p = &self.model.zero_position().joints[k.joint];
             self.between(p.parent, p.child, |edge, towards_child| {
-                let e = &self.model.placed.topology.tree[edge];
+                let e = self.model.tree()[edge];
                 // the edge transmits the load of the loop closure on the bodies beyond it
                 if let Some(j) = e.joint {
                     sums.add(j, if towards_child == e.reversed { 1.0 } else { -1.0 }, &w);
@@ -270,7 +272,7 @@ impl<'g, 'm> Balance<'g, 'm> {
         q: &[f64],
     ) -> Result<(Self, Vec<f64>), AnalysisError> {
         let (size, pattern, displacement) = (system.size(), system.pattern(), system.scales());
-        let length = system.model.placed.size;
+        let length = system.model.extent();
         let c = system.jacobian_with(&start.dropped, t, q)?;
         let row_norm =
             |i: usize| pattern.row(i).map(|e| (c[e] * displacement[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
@@ -285,18 +287,18 @@ impl<'g, 'm> Balance<'g, 'm> {
         plan.pivot_cols().iter().enumerate().for_each(|(step, &j)| step_of[j] = Some(step));
         let mut closing_of = Vec::with_capacity(size.rows);
         let mut unit = vec![1.0; size.rows];
-        for (i, k) in system.model.full.closings.iter().enumerate() {
+        for (i, k) in system.model.equations().full.closings.iter().enumerate() {
             closing_of.extend(std::iter::repeat_n(i, k.rows()));
             unit[k.row + k.slide_rows()..k.row + k.rows()].fill(1.0 / length);
         }
         let mut drive_of = vec![None; size.rows];
-        for (i, d) in system.model.drives.iter().enumerate() {
+        for (i, d) in system.model.drives().iter().enumerate() {
             if let Some(row) = (0..size.rows).find(|&row| system.row_of_model(row) == d.row) {
                 drive_of[row] = Some(i);
             }
         }
         for row in system.model.closing_rows.min(size.rows)..size.rows {
-            if system.model.row_is_angle(system.row_of_model(row)) {
+            if system.model.structure().rows[system.row_of_model(row)].is_angle {
                 unit[row] = 1.0 / length;
             }
         }
@@ -363,7 +365,7 @@ impl<'g, 'm> Balance<'g, 'm> {
         found: &mut Vec<Stress>,
     ) -> bool {
         let (pattern, model) = (self.system.pattern(), self.system.model);
-        let length = model.placed.size;
+        let length = model.extent();
         if self.plan.factor(c, &mut memory.factors).is_err() {
             return false;
         }
@@ -432,9 +434,9 @@ mod tests {
             let q = m.initial();
             let lambda: Vec<(usize, f64)> = (0..m.row_names.len()).map(|i| (i, rng.f64() - 0.5)).collect();
             let full: Vec<f64> = lambda.iter().map(|x| x.1).collect();
-            let swept = m.wrenches_of(&q, &full, &mut m.scratch());
+            let swept = m.equations().wrenches_of(&q, &full, m.scratch().equations());
             let mut closing_of = Vec::new();
-            m.full.closings.iter().enumerate().for_each(|(i, k)| closing_of.extend(vec![i; k.rows()]));
+            m.equations().full.closings.iter().enumerate().for_each(|(i, k)| closing_of.extend(vec![i; k.rows()]));
             let (mut by_balance, mut wrench_scratch) = (Vec::new(), WrenchScratch::new(&m));
             Pose::new(&m, 0.0, &q).wrenches(&lambda, &closing_of, &mut wrench_scratch, &mut by_balance);
             assert_eq!(by_balance.len(), m.spec.joints.len());

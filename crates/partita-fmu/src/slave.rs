@@ -354,7 +354,7 @@ impl Slave {
             let (model, t) = (self.model(), state.t);
             let ask = Ask { guess: vec![], fixed: vec![], levels: vec![], tolerance: tolerance::EQUAL };
             let q = poses::one(model, t, &self.first.q, &ask).map_err(words)?.q;
-            let rest = self.first.v.iter().all(|v| *v == 0.0) && !model.rheonomic();
+            let rest = self.first.v.iter().all(|v| *v == 0.0) && !model.structure().rheonomic;
             let near = &self.first.v;
             state.v = match rest {
                 true => near.clone(),
@@ -534,7 +534,7 @@ fn joint_of(model: &Model, what: &Shown) -> Result<usize, String> {
         | Shown::Force { joint, .. }
         | Shown::Moment { joint, .. }
         | Shown::Effort { joint, .. } => {
-            let found = model.placed.joint_numbers.get(joint).copied();
+            let found = model.zero_position().joint_numbers.get(joint).copied();
             found.ok_or_else(|| format!("an output names the joint \"{joint}\", which does not exist"))
         }
         Shown::Kinetic | Shown::Potential => Ok(0),

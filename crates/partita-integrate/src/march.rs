@@ -450,7 +450,7 @@ impl March {
                 return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last });
             }
             *attempts -= 1;
-            let Some(end) = self.concluded(formulation, &mut last)? else { continue };
+            let Some(end) = self.concluded(formulation)? else { continue };
             if end.decision == StepDecision::Repeat {
                 self.repeat(formulation, None)?;
                 continue;
@@ -471,12 +471,8 @@ impl March {
         }
     }
 
-    /// Attempt and conclude the step under way; none where another attempt follows, with the `last` reason if there is one.
-    fn concluded(
-        &mut self,
-        formulation: &mut dyn Formulation,
-        last: &mut Option<SystemError>,
-    ) -> Result<Option<TrialEnd>, StepFailure<SystemError>> {
+    /// Attempt and conclude the step under way; none where another attempt follows.
+    fn concluded(&mut self, formulation: &mut dyn Formulation) -> Result<Option<TrialEnd>, StepFailure<SystemError>> {
         let (course, lengths) = (self.course, self.lengths);
         let mut end = TrialEnd::undecided(StepDecision::Keep);
         let attempted = self.attempt(formulation);
@@ -484,13 +480,10 @@ impl March {
         let stepper = self.active();
         let concluded = attempted.and_then(|()| {
             stepper.conclude(&mut |t, y, dy, known| {
-                end = formulation.trial_end(t, y, dy, known).map_err(|e| {
-                    *last = Some(e.clone());
-                    match e {
-                        // no shorter step is allowed that could distinguish a jump from a drift
-                        SystemError::Jump { .. } if lengths == Lengths::Fixed => RhsError::Fatal(e),
-                        e => sorted(e),
-                    }
+                end = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
+                    // no shorter step is allowed that could distinguish a jump from a drift
+                    SystemError::Jump { .. } if lengths == Lengths::Fixed => RhsError::Fatal(e),
+                    e => sorted(e),
                 })?;
                 Ok(end.evaluated)
             })

@@ -70,7 +70,7 @@ pub struct SingularStep<'s, S: ConstrainedSystem> {
 }
 
 fn fastest<S: ConstrainedSystem>(system: &S, v: &[f64]) -> f64 {
-    v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / system.characteristic_displacement(i)))
+    v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / system.structure().displacement(i)))
 }
 
 /// The loops closed next to q, the coordinates of independent velocities kept. False where they do not close.
@@ -127,11 +127,11 @@ fn tolerances<S: ConstrainedSystem>(r: &Reduction<S>, speed: f64, h: f64, tolera
     let system = &*r.system;
     let mut of = vec![h * speed * tolerance; system.size().nq];
     for i in 0..system.size().nv {
-        if let [c] = system.coordinates_of(i).collect::<Vec<_>>()[..] {
-            of[c] *= system.characteristic_displacement(i);
+        if let [c] = system.structure().coordinates_of(i).collect::<Vec<_>>()[..] {
+            of[c] *= system.structure().displacement(i);
         }
     }
-    let of_u = |&i: &usize| speed * tolerance * system.characteristic_displacement(i);
+    let of_u = |&i: &usize| speed * tolerance * system.structure().displacement(i);
     of.extend(r.partition.independent.iter().map(of_u));
     of.push(f64::INFINITY);
     of
@@ -317,15 +317,17 @@ fn attempt<'s, S: ConstrainedSystem>(
         }
         let mut off_q = 0.0f64;
         for i in 0..v.len() {
-            for c in system.coordinates_of(i) {
-                let size =
-                    if system.coordinates_of(i).len() == 1 { system.characteristic_displacement(i) } else { 1.0 };
+            for c in system.structure().coordinates_of(i) {
+                let size = if system.structure().velocities[i].coordinates.len() == 1 {
+                    system.structure().displacement(i)
+                } else {
+                    1.0
+                };
                 off_q = off_q.max((q_one[c] - q_two[c]).abs() / size);
             }
         }
         let off_u = u_one.iter().zip(u_two).zip(&independent);
-        let off_u =
-            off_u.fold(0.0, |m: f64, ((a, b), &i)| m.max((a - b).abs() / system.characteristic_displacement(i)));
+        let off_u = off_u.fold(0.0, |m: f64, ((a, b), &i)| m.max((a - b).abs() / system.structure().displacement(i)));
         let off = off_q.max(off_u / top);
         if off.is_nan() {
             return Ok(Err("it leads to NaN or infinity".into()));
@@ -367,8 +369,12 @@ fn attempt<'s, S: ConstrainedSystem>(
 fn system_move<S: ConstrainedSystem>(system: &S, from: &[f64], to: &[f64]) -> f64 {
     let mut far = 0.0f64;
     for i in 0..system.size().nv {
-        for c in system.coordinates_of(i) {
-            let size = if system.coordinates_of(i).len() == 1 { system.characteristic_displacement(i) } else { 1.0 };
+        for c in system.structure().coordinates_of(i) {
+            let size = if system.structure().velocities[i].coordinates.len() == 1 {
+                system.structure().displacement(i)
+            } else {
+                1.0
+            };
             far = far.max((to[c] - from[c]).abs() / size);
         }
     }

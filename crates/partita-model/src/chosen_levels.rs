@@ -42,7 +42,7 @@ impl Model {
         }
         let dense = (plan.is_none() && self.uses_dense_mass()).then(|| [n * n, n].map(|n| vec![S::zero(); n]));
         let sizes = (self.size(), self.pattern().nnz());
-        Evaluation::new(ChosenLevels { e, s, sizes, plan, has_power: self.has_power(), dense }, choice)
+        Evaluation::new(ChosenLevels { e, s, sizes, plan, has_power: self.structure().has_power, dense }, choice)
     }
 }
 

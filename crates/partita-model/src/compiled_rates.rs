@@ -21,12 +21,12 @@ impl Model {
     /// The rates of a choice, numbers given from outside among its inputs; none where elements call functions of the user,
     /// frictions follow reactions, or bodies are massless.
     pub(crate) fn rates_of(&self, choice: &Choice, most: usize) -> Option<Recording> {
-        if self.lacks_mass() {
+        if self.structure().lacks_mass {
             return None;
         }
         let e = self.over::<Recorder>().ok()?;
         let (nq, k) = (self.size().nq, choice.k());
-        let inputs = [nq + k + 1, self.callers.functions.given_count()];
+        let inputs = [nq + k + 1, self.own.callers.functions.given_count()];
         let of = |x: &[Recorder]| self.record_rates(&e, choice, (x[nq + k], &x[..nq], &x[nq..nq + k]));
         Recording::of_parts(most, inputs, of).ok()?
     }
@@ -39,8 +39,8 @@ impl Model {
         (t, q, u): At,
     ) -> Result<Vec<Recorder>, SystemError> {
         let mut x = self.evaluation(e, *choice);
-        let (moves, k) = (self.rheonomic(), choice.k());
-        let mut out = vec![Recorder::zero(); self.size().nq + k + usize::from(self.has_power() || moves)];
+        let (moves, k) = (self.structure().rheonomic, choice.k());
+        let mut out = vec![Recorder::zero(); self.size().nq + k + usize::from(self.structure().has_power || moves)];
         x.rates(t, q, u, &mut out)?;
         if moves || choice.packed {
             out.extend(&x.vdot);

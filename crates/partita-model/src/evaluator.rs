@@ -132,9 +132,9 @@ pub struct Evaluator<S: Scalar> {
     /// The mechanism in space; outputs and reactions are computed with it.
     pub full: Mechanics<Spatial<S>>,
     /// Zero position: structure, and the numbers of the description.
-    pub placed: Arc<Placed>,
+    pub(crate) placed: Arc<Placed>,
     /// Prescribed motions.
-    pub drives: Vec<DriveRow>,
+    pub(crate) drives: Vec<DriveRow>,
     pub(crate) numbers: Numbers<S>,
     pub(crate) callers: Arc<Callers>,
     /// Reaction-dependent frictions.

@@ -130,7 +130,7 @@ impl Model {
         joints: &[usize],
     ) -> Result<Vec<CFunction>, SystemError> {
         let free = self.released(&[]).map_err(|e| SystemError::argument("mechanism", e.to_string()))?;
-        if free.rheonomic() {
+        if free.structure().rheonomic {
             let message =
                 "the mechanism has conditions that depend on time; a map between actuators and joints has none";
             return Err(SystemError::argument("mechanism", message.into()));
@@ -175,13 +175,15 @@ impl<'m> Inputs<'m> {
             let message = format!("there is no velocity {i}; there are {}", size.nv);
             return Err(SystemError::argument(argument, message));
         }
-        if let Some(&i) = named.iter().find(|&&i| model.coordinates_of(i).len() != 1) {
-            let message =
-                format!("{} has no coordinate of its own; name joints that turn or slide", model.velocity_name(i));
+        if let Some(&i) = named.iter().find(|&&i| model.structure().velocities[i].coordinates.len() != 1) {
+            let message = format!(
+                "{} has no coordinate of its own; name joints that turn or slide",
+                model.structure().velocities[i].name
+            );
             return Err(SystemError::argument(argument, message));
         }
         let rank = start::analyse(model, t, q)?.rank;
-        let (dof, spins) = (size.nv - rank, spin::idle(&model.spec, &model.placed).len());
+        let (dof, spins) = (size.nv - rank, spin::idle(&model.spec, &model.own.placed).len());
         if named.len() != dof && named.len() + spins != dof {
             let message = format!(
                 "{} velocities are named, but the mechanism has {} degrees of freedom{}",
@@ -205,7 +207,7 @@ impl<'m> Inputs<'m> {
 
     /// Coordinate of a velocity that has one.
     fn place(&self, velocity: usize) -> usize {
-        self.model.coordinates_of(velocity).start
+        self.model.structure().velocities[velocity].coordinates.start
     }
 
     /// Column of a named velocity among the independent ones.

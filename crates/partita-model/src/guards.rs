@@ -77,16 +77,16 @@ impl<G: Space<S = f64>> Element<G> {
 impl Model {
     /// Quantities whose zero no step may cross unseen.
     pub(crate) fn guarded(&self) -> Vec<Guard> {
-        if !self.full.elements.iter().any(is_guarded) {
+        if !self.own.full.elements.iter().any(is_guarded) {
             return Vec::new();
         }
-        let mut names = vec![""; self.full.elements.len()];
+        let mut names = vec![""; self.own.full.elements.len()];
         for (i, force) in self.spec.forces.iter().enumerate() {
             if let Ok((e, _)) = self.load_number(i) {
                 names[e] = force.name();
             }
         }
-        self.full.elements.iter().zip(names).flat_map(|(e, name)| e.guards(name)).collect()
+        self.own.full.elements.iter().zip(names).flat_map(|(e, name)| e.guards(name)).collect()
     }
 }
 

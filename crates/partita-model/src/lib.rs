@@ -24,6 +24,7 @@ pub mod massless;
 pub mod measurement;
 pub mod mechanics;
 pub mod memory;
+mod methods;
 pub mod model;
 pub mod motion_programs;
 mod names;

@@ -8,6 +8,7 @@ use crate::coupling::{self, Condition, Law, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Wide};
 use crate::force::Element;
+use crate::joint::Shape;
 use crate::massless;
 use crate::measurement::Measurement;
 use crate::mechanics::Mechanics;
@@ -20,6 +21,7 @@ use crate::rotors;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
 use crate::spec::{Coupling, JointKind, Measure, Spec};
+use crate::topology::TreeEdge;
 use crate::tree::LinkMotion;
 use crate::validate;
 use crate::value::{Abscissa, Callers, Functions};
@@ -28,55 +30,37 @@ use partita_math::elimination::Pattern;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Spatial};
 use partita_math::tolerance;
-use partita_system::clusters::Clusters;
 use partita_system::compiled::CompiledChoices;
+use partita_system::system::{Size, Structure};
 use partita_system::SystemError;
 use std::collections::HashSet;
 use std::f64::consts::PI;
-use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
 /// A compiled mechanism: an [`Evaluator`] over `f64`, and its structure. It is immutable; threads share it.
 pub struct Model {
-    own: Evaluator<f64>,
+    /// The equations over `f64`.
+    pub(crate) own: Evaluator<f64>,
     /// The description it was made from.
     pub spec: Arc<Spec>,
     /// All rows: loop closures, couplings, drives.
     pub row_names: Vec<Row>,
-    /// Number of rows, the first ones, that constrain positions.
-    holonomic: usize,
     /// Number of rows, the first ones, that close joints.
     pub closing_rows: usize,
     /// Rows of the spatial loop closures that are redundant in the plane.
     pub out_of_plane: Vec<Row>,
-    pattern: Pattern,
+    structure: Structure,
     /// Sparsity of M, computed on first use.
     mass_layout: OnceLock<MassLayout>,
     /// Curves with breakpoints, computed on first use.
     curves: OnceLock<Curves>,
     /// Dependences of all outputs together, computed on first use.
     whole: OnceLock<Part>,
-    clusters: Clusters,
     preference: Preference,
-    has_power: bool,
     dense_projection: bool,
     /// Code of the rates of its choices.
-    compiled: CompiledChoices,
+    pub(crate) compiled: CompiledChoices,
     coordinates: Coordinates,
-    /// Velocity whose integral each coordinate is, if there is one.
-    velocity_of: Vec<Option<usize>>,
-    /// Coordinates that each velocity changes.
-    coordinates_of: Vec<std::ops::Range<usize>>,
-    /// Angles whose whole turns are not counted.
-    turns: Vec<bool>,
-    /// Angles after a whole turn of which all forces and conditions repeat.
-    repeats: Vec<bool>,
-    /// Characteristic displacement of each velocity.
-    displacement: Vec<f64>,
-    /// Largest closure error of each row under a large displacement.
-    row_displacement: Vec<Option<f64>>,
-    /// Rows that close directions.
-    row_is_angle: Vec<bool>,
     /// The decision about the drawing.
     geometry: Arc<Geometry>,
     /// The equations with derivatives, made on first use; none where `f64` alone can solve for frictions.
@@ -87,15 +71,9 @@ pub struct Model {
     mechanism: Option<Arc<Model>>,
 }
 
-impl Deref for Model {
-    type Target = Evaluator<f64>;
-    fn deref(&self) -> &Evaluator<f64> {
-        &self.own
-    }
-}
-
 mod actuated;
 mod geometry;
+mod notes;
 mod scales;
 mod scratch;
 mod system;
@@ -142,13 +120,59 @@ impl Model {
 
     /// The functions given with its description.
     pub fn functions(&self) -> Arc<dyn Functions> {
-        self.callers.functions.clone()
+        self.own.callers.functions.clone()
     }
 
     /// The same model with its reduced equations computed by this method.
     pub fn with_recursion(mut self, preference: Preference) -> Self {
         self.preference = preference;
         self
+    }
+
+    /// Its equations over `f64`, by which outputs and reactions are computed.
+    pub fn equations(&self) -> &Evaluator<f64> {
+        &self.own
+    }
+
+    /// Its zero position: bodies, joints and links in the axes of the mechanism.
+    pub fn zero_position(&self) -> &Placed {
+        &self.own.placed
+    }
+
+    /// Characteristic length: the extent of a typical body.
+    pub fn length(&self) -> f64 {
+        self.own.placed.length
+    }
+
+    /// Extent of the whole drawing.
+    pub fn extent(&self) -> f64 {
+        self.own.placed.size
+    }
+
+    /// Kinematic shape of joint `j`.
+    pub fn shape(&self, j: usize) -> &Shape {
+        &self.own.placed.joints[j].shape
+    }
+
+    /// Joints of the tree.
+    pub fn tree(&self) -> &[TreeEdge] {
+        &self.own.placed.topology.tree
+    }
+
+    /// Joints that are cut.
+    pub fn cuts(&self) -> &[usize] {
+        &self.own.placed.topology.cuts
+    }
+
+    /// Prescribed motions.
+    pub fn drives(&self) -> &[DriveRow] {
+        &self.own.drives
+    }
+
+    /// Take a decision about the drawing.
+    fn decide(&mut self, geometry: Arc<Geometry>) {
+        self.structure.drawing = geometry.verdict(&self.spec);
+        self.geometry = geometry;
     }
 
     /// The decision about the drawing.
@@ -181,10 +205,10 @@ impl Model {
         }
         let mut spec = (*self.spec).clone();
         if self.needs_turns() {
-            let mut s = self.scratch();
-            self.look(q, &vec![0.0; self.placed.nv], &mut s);
+            let mut s = self.own.scratch();
+            self.own.look(q, &vec![0.0; self.own.placed.nv], &mut s);
             for (i, abscissa) in self.counted_curves() {
-                let x = abscissa.value(&self.full, &s.full, q);
+                let x = abscissa.value(&self.own.full, &s.full, q);
                 if let Coupling::Curve { curve, .. } = &mut spec.couplings[i] {
                     *curve = curve.around(x, PI);
                 }
@@ -200,7 +224,7 @@ impl Model {
 
     /// Couplings by curves over angles that are counted in the plane alone, with these.
     fn counted_curves(&self) -> impl Iterator<Item = (usize, &Measurement<Spatial<f64>>)> {
-        self.full.conditions.iter().filter_map(|c| match (&c.says, c.owner) {
+        self.own.full.conditions.iter().filter_map(|c| match (&c.says, c.owner) {
             (Says::Law(Law::Curve { abscissa: Abscissa::Known, .. }, readings), Owner::Coupling(i)) => {
                 readings.get(1).filter(|x| !x.adds_up.is_empty()).map(|x| (i, x))
             }
@@ -221,7 +245,7 @@ impl Model {
     /// Compiled again in another form; its geometry is already decided.
     fn same(&self, spec: Spec, form: (Coordinates, bool)) -> Result<Self, DescriptionError> {
         let mut made = Self::compiled(spec, self.functions(), form, false)?;
-        made.geometry = self.geometry.clone();
+        made.decide(self.geometry.clone());
         Ok(made)
     }
 
@@ -238,7 +262,7 @@ impl Model {
             }
             geometry.drawn = Some(drawn);
         }
-        model.geometry = Arc::new(geometry);
+        model.decide(Arc::new(geometry));
         Ok(model)
     }
 
@@ -272,15 +296,15 @@ impl Model {
         numbers: Numbers<f64>,
         moved: bool,
     ) -> Result<Self, DescriptionError> {
-        let (drives, functions) = (self.drives.clone(), self.callers.functions.clone());
+        let (drives, functions) = (self.own.drives.clone(), self.own.callers.functions.clone());
         let mut made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
-        made.geometry = self.geometry.clone();
+        made.decide(self.geometry.clone());
         if moved {
             let (geometry, joints) = geometry::decide(&made, made.spec.drawing_tolerance);
             if joints.is_some() {
                 made = Self::new((*made.spec).clone(), made.functions(), self.coordinates)?;
             } else {
-                made.geometry = Arc::new(geometry);
+                made.decide(Arc::new(geometry));
             }
         }
         Ok(made.with_recursion(self.preference))
@@ -292,16 +316,17 @@ impl Model {
         numbers: Numbers<f64>,
         drives: Vec<DriveRow>,
         functions: Arc<dyn Functions>,
-        coordinates: Coordinates,
+        form: Coordinates,
     ) -> Result<Self, DescriptionError> {
-        let links = Links::new(&placed);
-        let callers =
-            Arc::new(Callers { functions, q_sizes: links.q_displacement.clone(), v_sizes: links.displacement.clone() });
+        let Links { mut coordinates, velocities, q_displacement } = Links::new(&placed);
+        let v_sizes = velocities.iter().map(|v| v.displacement).collect();
+        let given_count = functions.given_count();
+        let callers = Arc::new(Callers { functions, q_sizes: q_displacement, v_sizes });
         let placed = Arc::new(placed);
         let (mut own, [row_names, full_rows]) =
             Evaluator::new(&spec, placed.clone(), numbers, drives.clone(), callers)?;
         let look = RowMeasures { spec: &spec, placed: &placed };
-        let (columns, row_displacement, row_is_angle, (_, holonomic, _), closing_rows) = match &own.engine {
+        let (columns, displacements, angles, (_, holonomic, _), closing_rows) = match &own.engine {
             Engine::Planar(tree) => {
                 (all_columns(tree), look.displacements(tree), look.angles(tree), tree.sizes(), tree.rows)
             }
@@ -317,72 +342,79 @@ impl Model {
             Vec::new()
         };
         let elements = &own.full.elements;
-        let has_power = elements.iter().any(Element::is_dissipative);
         let pattern = Pattern::from_rows(placed.nv, &columns);
-        own.following = following(&own, &spec, (&pattern, &row_displacement))?;
+        own.following = following(&own, &spec, (&pattern, &displacements))?;
         let clusters = match &own.engine {
             Engine::Planar(tree) => clusters::clusters(tree, &pattern),
             Engine::Full => clusters::clusters(&own.full, &pattern),
         };
-        let mut turns = links.turns;
         if elements.iter().any(Element::calls_function) {
-            turns.fill(false);
+            coordinates.iter_mut().for_each(|x| x.turns = false);
         }
-        let mut repeats = turns.clone();
+        coordinates.iter_mut().for_each(|x| x.repeats = x.turns);
         // in the plane an angle between two bodies adds up from those of the tree, whole turns included
         let coupled = own.full.conditions.iter().flat_map(Condition::readings);
         for q in coupled.flat_map(Measurement::counted) {
-            turns[q] = false;
-            repeats[q] = false;
+            (coordinates[q].turns, coordinates[q].repeats) = (false, false);
         }
         for element in elements {
-            element.depends_on().into_iter().flat_map(Measurement::counted).for_each(|q| turns[q] = false);
-            element.winds_up().into_iter().flat_map(Measurement::counted).for_each(|q| repeats[q] = false);
+            element.depends_on().into_iter().flat_map(Measurement::counted).for_each(|q| coordinates[q].turns = false);
+            element.winds_up().into_iter().flat_map(Measurement::counted).for_each(|q| coordinates[q].repeats = false);
         }
+        let drawing = Geometry::default().verdict(&spec);
+        let structure = Structure {
+            size: Size { nq: placed.nq, nv: placed.nv, rows: pattern.rows, holonomic },
+            pattern,
+            clusters,
+            coordinates,
+            velocities,
+            rows: row_names
+                .iter()
+                .zip(displacements)
+                .zip(angles)
+                .map(|((row, d), a)| row.described(&spec, d, a))
+                .collect(),
+            rheonomic: own.full.conditions.iter().any(Condition::is_rheonomic),
+            has_power: elements.iter().any(Element::is_dissipative),
+            lacks_mass: !placed.massless.is_empty(),
+            given_count,
+            drawing,
+        };
         let mut model = Self {
             own,
-            velocity_of: links.velocity_of,
-            coordinates_of: links.coordinates_of,
-            turns,
-            repeats,
-            displacement: links.displacement,
-            row_displacement,
-            row_is_angle,
-            coordinates,
+            structure,
+            coordinates: form,
             dense_projection: false,
             compiled: CompiledChoices::default(),
             spec: Arc::new(spec),
             row_names,
-            holonomic,
             closing_rows,
             out_of_plane,
-            pattern,
             mass_layout: OnceLock::new(),
             curves: OnceLock::new(),
             whole: OnceLock::new(),
-            clusters,
             preference: Preference::default(),
-            has_power,
             geometry: Arc::default(),
             varied: OnceLock::new(),
             spare: Arc::default(),
             mechanism: None,
         };
         model.dense_projection = model.dense_is_cheaper();
-        if !model.placed.massless.is_empty() && !model.is_short_of_mass() {
+        if !model.own.placed.massless.is_empty() && !model.is_short_of_mass() {
             model.count_as_drawn();
-            let rows = (&model.pattern, &model.row_displacement[..]);
-            model.own.following = following(&model.own, &model.spec, rows)?;
+            let displacements: Vec<_> = model.structure.rows.iter().map(|row| row.displacement).collect();
+            model.own.following = following(&model.own, &model.spec, (&model.structure.pattern, &displacements))?;
         }
         Ok(model)
     }
 
     /// Whether the least masses of massless links change a metric, in the drawing or next to it.
     fn is_short_of_mass(&self) -> bool {
-        let n = self.placed.nv;
+        let n = self.own.placed.nv;
         let (mut s, mut near) = (self.own.scratch(), self.initial());
         // an irregular position: axes that coincide in the drawing do not there
-        let step: Vec<f64> = (0..n).map(|i| self.displacement[i] * (0.3 + 0.2 * (i as f64 * 1.7).sin())).collect();
+        let irregular = |(i, large): (usize, f64)| large * (0.3 + 0.2 * (i as f64 * 1.7).sin());
+        let step: Vec<f64> = self.structure.displacements().enumerate().map(irregular).collect();
         self.own.step(&mut near, &step);
         let (mut drawn, mut counted) = (vec![0.0; n], vec![0.0; n]);
         [self.initial(), near].iter().any(|q| {
@@ -402,6 +434,7 @@ impl Model {
 
     /// M is a metric: no link needs more than its own mass.
     fn count_as_drawn(&mut self) {
+        self.structure.lacks_mass = false;
         let mut placed = (*self.own.placed).clone();
         placed.massless.clear();
         self.own.placed = Arc::new(placed);
@@ -416,8 +449,14 @@ impl Model {
     /// Fails where a user function would have to be called and cannot be (a recording).
     pub fn over<S: Scalar>(&self) -> Result<Evaluator<S>, DescriptionError> {
         self.refuse_following()?;
-        let numbers = Numbers::new(&self.spec, &self.placed);
-        let made = Evaluator::new(&self.spec, self.placed.clone(), numbers, self.drives.clone(), self.callers.clone());
+        let numbers = Numbers::new(&self.spec, &self.own.placed);
+        let made = Evaluator::new(
+            &self.spec,
+            self.own.placed.clone(),
+            numbers,
+            self.own.drives.clone(),
+            self.own.callers.clone(),
+        );
         Ok(made?.0)
     }
 
@@ -443,13 +482,13 @@ impl Model {
 
     /// For k near n the mass matrix is cheaper than k partial velocities: compare the two counts.
     fn dense_is_cheaper(&self) -> bool {
-        let n = self.placed.nv;
-        let k = n.saturating_sub(self.pattern.rows);
-        let links = self.full.links.len();
+        let n = self.own.placed.nv;
+        let k = n.saturating_sub(self.structure.size.rows);
+        let links = self.own.full.links.len();
         let partial = Self::partial_cost(links, k);
         // a column of M involves only the descendants of its velocity; then D M Dᵀ
         let mut depth = vec![0; links];
-        (1..links).for_each(|i| depth[i] = depth[self.full.links[i].parent] + 1);
+        (1..links).for_each(|i| depth[i] = depth[self.own.full.links[i].parent] + 1);
         let steps: usize = depth.iter().sum();
         let dense = steps * 60 + n * n * k.min(n) / 2;
         dense < partial
@@ -463,7 +502,7 @@ impl Model {
     /// Number of multiplications for one dense M_d of k degrees of freedom, its factor included.
     fn dense_cost(&self, k: usize) -> usize {
         let scale = if self.is_planar() { 1 } else { 4 };
-        scale * Self::partial_cost(self.full.links.len(), k) / 2 + k * k * k / 6
+        scale * Self::partial_cost(self.own.full.links.len(), k) / 2 + k * k * k / 6
     }
 
     fn mass_layout(&self) -> &MassLayout {
@@ -489,7 +528,7 @@ impl Model {
 
     /// Whether all motions lie in one plane.
     pub fn is_planar(&self) -> bool {
-        self.placed.planar
+        self.own.placed.planar
     }
 
     /// Whether it moves in one plane under loads in this plane, so that all reactions lie in the plane.
@@ -497,13 +536,13 @@ impl Model {
         let of_joint = |row: &Row| matches!(row.owner, Owner::Joint(_));
         self.is_planar()
             && !self.row_names[self.closing_rows..].iter().any(of_joint)
-            && planarity::loads_lie_in_plane(&self.spec, self.placed.basis.0[2])
+            && planarity::loads_lie_in_plane(&self.spec, self.own.placed.basis.0[2])
     }
 
     /// Coordinates of the drawing: zero, and unit quaternions.
     pub fn initial(&self) -> Vec<f64> {
-        let mut q = vec![0.0; self.placed.nq];
-        for l in self.full.links.iter().skip(1) {
+        let mut q = vec![0.0; self.own.placed.nq];
+        for l in self.own.full.links.iter().skip(1) {
             if matches!(l.motion, LinkMotion::Ball) {
                 q[l.q] = 1.0;
             }
@@ -539,29 +578,12 @@ impl Model {
 
     /// Kinetic and potential energy at the last `velocity`.
     pub fn energy(&self, t: f64, q: &[f64], v: &[f64], s: &ModelScratch) -> Result<(f64, f64), SystemError> {
-        let [kinetic, potential, _] = self.energies(t, q, v, s)?;
+        let [kinetic, potential, _] = self.own.energies(t, q, v, s.evaluated())?;
         Ok((kinetic, potential))
     }
 
-    /// The bodies that are held from spinning, in a sentence.
-    pub fn held_note(&self) -> Option<String> {
-        let names: Vec<&str> = self.placed.held.iter().map(|x| self.spec.bodies[x.body].name.as_str()).collect();
-        let is = match names.len() {
-            0 => return None,
-            1 => "is",
-            _ => "are",
-        };
-        let more = if names.len() > 6 { ", ..." } else { "" };
-        let named = names.iter().take(6).copied().collect::<Vec<_>>().join(", ");
-        Some(format!(
-            "{named}{more} {is} held from spinning: without inertia about the axis that the joints leave {} free, \
-             this motion is indeterminate, and nothing else depends on it",
-            if names.len() == 1 { "it" } else { "them" }
-        ))
-    }
-
     fn mass_error(&self, at: (usize, f64)) -> SystemError {
-        SystemError::Mass { name: self.placed.velocity_names[at.0].clone(), pivot: at.1 }
+        SystemError::Mass { name: self.own.placed.velocity_names[at.0].clone(), pivot: at.1 }
     }
 }
 

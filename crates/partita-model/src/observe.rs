@@ -44,7 +44,7 @@ impl DegreeOfFreedom {
     fn new(mut reading: Measurement<Spatial<f64>>, model: &Model) -> Self {
         let mut velocities = Vec::new();
         for m in &mut reading.movers {
-            let link = &model.placed.links[m.link];
+            let link = &model.own.placed.links[m.link];
             m.column = velocities.len();
             velocities.extend(link.v..link.v + link.motion.velocities());
         }
@@ -55,9 +55,9 @@ impl DegreeOfFreedom {
     /// Its acceleration for v' after [`look`](crate::evaluator::Evaluator::look): `C v' + b`, C and b of its reading.
     pub fn acceleration(&mut self, model: &Model, vdot: &[f64], s: &ModelScratch) -> f64 {
         self.row.fill(0.0);
-        self.reading.columns(1.0, &model.full, &s.full, &mut self.row);
+        self.reading.columns(1.0, &model.own.full, &s.evaluated().full, &mut self.row);
         let turned: f64 = self.row.iter().zip(&self.velocities).map(|(c, &v)| c * vdot[v]).sum();
-        turned + self.reading.bias(&model.full, &s.full)
+        turned + self.reading.bias(&model.own.full, &s.evaluated().full)
     }
 }
 
@@ -67,10 +67,10 @@ impl Model {
     /// # Errors
     /// None for a model that could be compiled.
     pub fn degrees_of_freedom_of(&self, which: &[usize]) -> Result<Vec<DegreeOfFreedom>, DescriptionError> {
-        let measurements = Maker::<Spatial<f64>>::new(&self.spec, &self.placed, &self.numbers, &self.full)?;
+        let measurements = Maker::<Spatial<f64>>::new(&self.spec, &self.own.placed, &self.own.numbers, &self.own.full)?;
         let mut found = Vec::new();
         for &j in which {
-            let p = &self.placed.joints[j];
+            let p = &self.own.placed.joints[j];
             for (i, motion) in p.shape.motions.iter().enumerate() {
                 match motion {
                     Motion::Ball => found.extend((0..3).map(|c| DegreeOfFreedom::new(measurements.spin(p, c), self))),
@@ -83,12 +83,12 @@ impl Model {
 
     /// Body `i` after [`look`](crate::evaluator::Evaluator::look).
     pub fn body_state(&self, i: usize, s: &ModelScratch) -> BodyState {
-        let b = &self.placed.bodies[i];
-        let x = &s.full.links[b.link];
-        let arm = self.arm_now(s, b.link, self.numbers.bodies[i].origin);
-        let out = self.placed.basis.transpose();
+        let b = &self.own.placed.bodies[i];
+        let x = &s.evaluated().full.links[b.link];
+        let arm = self.own.arm_now(s.evaluated(), b.link, self.own.numbers.bodies[i].origin);
+        let out = self.own.placed.basis.transpose();
         BodyState {
-            position: out.apply(self.full.reference_point(b.link, &s.full) + arm),
+            position: out.apply(self.own.full.reference_point(b.link, &s.evaluated().full) + arm),
             rotation: out.mul(&x.rot).mul(&b.rot),
             velocity: out.apply(x.u + x.w.cross(arm)),
             angular_velocity: out.apply(x.w),
@@ -98,15 +98,16 @@ impl Model {
     /// Joint `j` after [`look`](crate::evaluator::Evaluator::look). Angles of a joint that closes a spatial loop are in
     /// (−π, π].
     pub fn joint_state(&self, j: usize, q: &[f64], v: &[f64], s: &ModelScratch) -> JointState {
-        let p = &self.placed.joints[j];
-        let (child, parent) = (self.node_state(s, p.child), self.node_state(s, p.parent));
-        let arm_c = self.arm_now(s, self.placed.link_of(p.child), self.numbers.joints[j].1);
+        let p = &self.own.placed.joints[j];
+        let (child, parent) =
+            (self.own.node_state(s.evaluated(), p.child), self.own.node_state(s.evaluated(), p.parent));
+        let arm_c = self.own.arm_now(s.evaluated(), self.own.placed.link_of(p.child), self.own.numbers.joints[j].1);
         let point = child.centre + arm_c;
-        let mut state = JointState { point: self.placed.basis.apply_transposed(point).0, ..JointState::default() };
+        let mut state = JointState { point: self.own.placed.basis.apply_transposed(point).0, ..JointState::default() };
         match &p.links {
             Some(links) => {
                 for (m, &link) in p.shape.motions.iter().zip(links) {
-                    let l = &self.placed.links[link];
+                    let l = &self.own.placed.links[link];
                     if *m == Motion::Ball {
                         let mut turn = Quaternion([q[l.q], q[l.q + 1], q[l.q + 2], q[l.q + 3]]);
                         let mut w = Vec3([v[l.v], v[l.v + 1], v[l.v + 2]]);
@@ -126,16 +127,17 @@ impl Model {
                 }
             }
             None => {
-                let arm_p = self.arm_now(s, self.placed.link_of(p.parent), self.numbers.joints[j].0);
+                let arm_p =
+                    self.own.arm_now(s.evaluated(), self.own.placed.link_of(p.parent), self.own.numbers.joints[j].0);
                 // child and parent as they carry the axes of the drawing
                 let rp = parent.rot.mul(&p.on_parent);
                 let rc = child.rot.mul(&p.on_child);
                 let r = rp.transpose().mul(&rc);
                 let gap = rp.apply_transposed(point - parent.centre - arm_p);
                 joint::position_of(&p.shape.motions, &r, gap, &mut state.position);
-                if let (Engine::Planar(_), Some(planar)) = (&self.engine, &s.planar) {
+                if let (Engine::Planar(_), Some(planar)) = (&self.own.engine, &s.evaluated().planar) {
                     // in the plane angles are not wrapped
-                    let (lp, lc) = (self.placed.link_of(p.parent), self.placed.link_of(p.child));
+                    let (lp, lc) = (self.own.placed.link_of(p.parent), self.own.placed.link_of(p.child));
                     let full = planar.links[lc].rot.angle - planar.links[lp].rot.angle;
                     for (x, m) in state.position.iter_mut().zip(&p.shape.motions) {
                         if let Motion::Turn(a) = m {
@@ -154,9 +156,9 @@ impl Model {
 
     /// Joint axes as the parent carries them, world axes.
     pub fn joint_frame(&self, j: usize, s: &ModelScratch) -> Mat3<f64> {
-        let p = &self.placed.joints[j];
-        let r = self.node_state(s, p.parent).rot.mul(&p.on_parent).mul(&p.shape.frame);
-        self.placed.basis.transpose().mul(&r)
+        let p = &self.own.placed.joints[j];
+        let r = self.own.node_state(s.evaluated(), p.parent).rot.mul(&p.on_parent).mul(&p.shape.frame);
+        self.own.placed.basis.transpose().mul(&r)
     }
 }
 
@@ -178,6 +180,7 @@ impl TurnCounter {
     /// For the joints of a model.
     pub fn new(model: &Model) -> Self {
         let turns = model
+            .own
             .placed
             .joints
             .iter()
@@ -188,6 +191,7 @@ impl TurnCounter {
             })
             .collect();
         let quaternions = model
+            .own
             .placed
             .joints
             .iter()
@@ -197,7 +201,7 @@ impl TurnCounter {
                 read.then_some(p.shape.dof().saturating_sub(3))
             })
             .collect();
-        Self { turns, quaternions, last: vec![None; model.placed.joints.len()] }
+        Self { turns, quaternions, last: vec![None; model.own.placed.joints.len()] }
     }
 
     /// Whether the rotation of joint `j` has more than one valid value.

@@ -26,14 +26,14 @@ impl Model {
         let (mut a, mut b) = (vec![0.0; size.rows], vec![0.0; size.rows]);
         self.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
         self.velocity(t, q, v, &mut s, &mut b)?;
-        let mut names = vec![""; self.full.elements.len()];
+        let mut names = vec![""; self.own.full.elements.len()];
         for (i, force) in self.spec.forces.iter().enumerate() {
             if let Ok((e, _)) = self.load_number(i) {
                 names[e] = force.name();
             }
         }
-        let mut found = self.one_sided_elements(t, (q, v), &mut s, &names);
-        found.extend(self.curves().one_sided(self, t, (q, v), &mut s));
+        let mut found = self.own.one_sided_elements(t, (q, v), s.equations(), &names);
+        found.extend(self.curves().one_sided(&self.own, t, (q, v), s.equations()));
         Ok(found)
     }
 }

@@ -66,13 +66,13 @@ impl Model {
             explicit_closing: count(&|t, q, u| {
                 let excess = closing.close_over(&e, t, q, &mut closing.scratch_over(&e))?;
                 let found = rates(t, q, u)?;
-                let states = independent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| found[c]);
+                let states = independent.iter().flat_map(|&i| self.structure().coordinates_of(i)).map(|c| found[c]);
                 Ok(states.chain(found[nq..].iter().copied()).chain([excess]).collect())
             })?,
             // q_D − C_D⁻¹ Φ                                                               (34)
             iteration: count(&|t, q, _| {
                 self.evaluation(&e, choice).correct(t, q)?;
-                Ok(choice.dependent.iter().flat_map(|&i| self.coordinates_of(i)).map(|c| q[c]).collect())
+                Ok(choice.dependent.iter().flat_map(|&i| self.structure().coordinates_of(i)).map(|c| q[c]).collect())
             })?,
         })
     }

@@ -285,7 +285,7 @@ impl Model {
     /// Whether this number determines the period by which a coupling of several joints counts whole turns.
     fn counts_turns(&self, slot: Slot) -> bool {
         let Slot::OfCoupling(i, _) = slot else { return false };
-        self.spec.couplings[i].terms().iter().filter(|m| coupling::wraps(&self.placed, m)).count() > 1
+        self.spec.couplings[i].terms().iter().filter(|m| coupling::wraps(&self.own.placed, m)).count() > 1
     }
 
     /// Whether [`over_with`](Self::over_with) can take this parameter, if there is one of the name.
@@ -304,20 +304,20 @@ impl Model {
         if let Some(drawn) = &self.geometry().drawn {
             // a repair is repeated
             let spec = rewritten(drawn, &changed(drawn, changes)?.0);
-            let made = Self::new(spec, self.callers.functions.clone(), self.coordinates())?;
+            let made = Self::new(spec, self.own.callers.functions.clone(), self.coordinates())?;
             return self.of_one_structure(made);
         }
         let (mut described, slots) = changed(&self.spec, changes)?;
         let mut spec = rewritten(&self.spec, &described);
-        validate::validate(&spec, self.callers.functions.count())?;
+        validate::validate(&spec, self.own.callers.functions.count())?;
         coincident::unite(&mut spec);
         described.joints = Described::new(&spec).joints;
-        let mut numbers = Numbers::from_parameters(&spec, &self.placed, &described);
-        let mut placed = moved(&self.placed, &spec, &numbers);
+        let mut numbers = Numbers::from_parameters(&spec, &self.own.placed, &described);
+        let mut placed = moved(&self.own.placed, &spec, &numbers);
         for (p, j) in placed.joints.iter_mut().zip(&spec.joints).filter(|(_, j)| j.kind == JointKind::Screw) {
             p.shape.own = joint::shape(j, &p.shape.frame)?.own;
         }
-        same_rows(&coupling::order(&self.spec, &self.placed)?, &spec, &placed)?;
+        same_rows(&coupling::order(&self.spec, &self.own.placed)?, &spec, &placed)?;
         // the set of massive links may have changed
         numbers = numbers.referred(&placed);
         if placed.planar {
@@ -365,15 +365,15 @@ impl Model {
                 return Err(DescriptionError::new("parameter", name, m));
             }
             let (Slot::Mass(i) | Slot::Com(i) | Slot::Inertia(i)) = *slot else { continue };
-            let link = self.placed.bodies[i].link;
-            let mass: f64 = self.placed.bodies.iter().filter(|b| b.link == link).map(|b| b.mass).sum();
+            let link = self.own.placed.bodies[i].link;
+            let mass: f64 = self.own.placed.bodies.iter().filter(|b| b.link == link).map(|b| b.mass).sum();
             if link != 0 && mass == 0.0 {
                 let m = "the body moves without mass in this model; give it one when compiling";
                 return Err(DescriptionError::new("parameter", name, m));
             }
         }
-        let numbers = Numbers::from_parameters(&self.spec, &self.placed, &described);
-        let (drives, callers) = (self.drives.clone(), self.callers.clone());
-        Ok(Evaluator::new(&self.spec, self.placed.clone(), numbers, drives, callers)?.0)
+        let numbers = Numbers::from_parameters(&self.spec, &self.own.placed, &described);
+        let (drives, callers) = (self.own.drives.clone(), self.own.callers.clone());
+        Ok(Evaluator::new(&self.spec, self.own.placed.clone(), numbers, drives, callers)?.0)
     }
 }

@@ -15,15 +15,15 @@ impl Model {
     /// `Argument`: "coordinates".
     pub fn held_on(&self, from: &[f64], to: &[f64]) -> Result<(), SystemError> {
         let linear = |says: &Says<_>| matches!(says, Says::Law(Law::Linear { .. }, _));
-        let of_rates = || self.full.conditions.iter().filter(|c| !c.holonomic && linear(&c.says));
+        let of_rates = || self.own.full.conditions.iter().filter(|c| !c.holonomic && linear(&c.says));
         if of_rates().next().is_none() {
             return Ok(());
         }
         let (mut s, rest) = (self.scratch(), vec![0.0; self.size().nv]);
         let mut read = |q: &[f64]| -> Vec<Vec<f64>> {
-            self.look(q, &rest, &mut s);
+            self.own.look(q, &rest, s.equations());
             let values = |c: &crate::coupling::Condition<_>| {
-                c.readings().iter().map(|r| r.value(&self.full, &s.full, q)).collect()
+                c.readings().iter().map(|r| r.value(&self.own.full, &s.equations().full, q)).collect()
             };
             of_rates().map(values).collect()
         };
@@ -34,7 +34,7 @@ impl Model {
             for (i, r) in readings.iter().enumerate() {
                 let moved = y[i] - x[i];
                 phase += factors[i] * if r.wraps { moved - (moved / TAU).round() * TAU } else { moved };
-                size = size.max(factors[i].abs() * if r.wraps { 1.0 } else { self.placed.length });
+                size = size.max(factors[i].abs() * if r.wraps { 1.0 } else { self.own.placed.length });
             }
             if phase.abs() > tolerance::CLOSED_IN_RUN * size {
                 let message = format!(
@@ -56,7 +56,7 @@ impl Model {
     /// `Wound`.
     pub fn check_turns_at(&self, joint: usize, coordinate: usize, x: f64) -> Result<(), SystemError> {
         let name = self.spec.joints[joint].name.as_str();
-        for (what, middle, within) in self.full.elements.iter().filter_map(|e| e.turn_range()) {
+        for (what, middle, within) in self.own.full.elements.iter().filter_map(|e| e.turn_range()) {
             let counts = self.spec.forces.iter().any(|f| f.name() == what && f.over() == Some((name, coordinate)));
             let by = x - middle;
             if counts && by.abs() > within {

@@ -80,7 +80,7 @@ impl Model {
     /// frictions: they cannot be recorded.
     pub fn recorded(&self, names: &[String]) -> Result<Recorded, DescriptionError> {
         let present = self.parameters();
-        let (nq, nv) = (self.placed.nq, self.placed.nv);
+        let (nq, nv) = (self.own.placed.nq, self.own.placed.nv);
         let mut next = 1 + nq + nv;
         let mut parameters = Vec::with_capacity(names.len());
         for name in names.iter().filter(|name| self.is_smooth(name)) {
@@ -131,7 +131,7 @@ impl Model {
         x: &[Recorder],
         acting: usize,
     ) -> Result<Vec<Vec<Recorder>>, SystemError> {
-        let (nq, nv) = (self.placed.nq, self.placed.nv);
+        let (nq, nv) = (self.own.placed.nq, self.own.placed.nv);
         let zeros = |n: usize| vec![Recorder::zero(); n];
         let (t, q, v) = (x[0], &x[1..1 + nq], &x[1 + nq..1 + nq + nv]);
         let (rows, holonomic) = (self.row_names.len(), self.size().holonomic);
@@ -143,7 +143,7 @@ impl Model {
         e.dynamics(t, q, v, &mut s, &mut mass, &mut h)?;
         let lower = |m: &[Recorder]| lower(m, nv).collect::<Vec<_>>();
         let mut metric = Vec::new();
-        if self.lacks_mass() {
+        if self.structure().lacks_mass {
             let mut heavier = mass.clone();
             with_engine!(e, s, |tree, x| tree.add_massless(x, &mut heavier));
             metric = lower(&heavier);

@@ -1,6 +1,8 @@
 //! Rows of C: owner and name of each.
 
-use crate::spec::Spec;
+use crate::spec::{Coupling, Spec};
+use partita_system::system::structure;
+use std::sync::Arc;
 
 /// Owner of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -50,4 +52,20 @@ pub struct Row {
     pub owner: Owner,
     /// Its name.
     pub name: String,
+}
+
+impl Row {
+    /// With its words, for a system: its closure error under a large displacement, and whether it constrains a direction.
+    pub(crate) fn described(&self, spec: &Spec, displacement: Option<f64>, is_angle: bool) -> structure::Row {
+        let owner: Arc<str> = self.owner.words(spec).into();
+        let description = match (self.owner, self.name.rsplit_once('.')) {
+            (Owner::Joint(_), Some((joint, what))) => format!("joint \"{joint}\" in {what}").into(),
+            _ => owner.clone(),
+        };
+        let is_drive = matches!(self.owner, Owner::Drive(_));
+        let is_function = |k: usize| matches!(spec.couplings[k], Coupling::Function { .. });
+        let may_jump = is_drive || matches!(self.owner, Owner::Coupling(k) if is_function(k));
+        let name = self.name.as_str().into();
+        structure::Row { name, description, owner, displacement, is_angle, is_drive, may_jump }
+    }
 }

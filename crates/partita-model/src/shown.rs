@@ -87,13 +87,13 @@ impl Model {
         else {
             return None;
         };
-        let Element::Load(load) = &self.full.elements[e] else { return None };
+        let Element::Load(load) = &self.own.full.elements[e] else { return None };
         let LoadLaw::Effort(Effort { value: Source::Constant(effort), in_state: false }) = load.law else {
             return None;
         };
-        let joint = *self.placed.joint_numbers.get(joint)?;
+        let joint = *self.own.placed.joint_numbers.get(joint)?;
         // angular velocities of a spatial rotation are no rates of coordinates
-        let scalars = self.placed.joints[joint].shape.motions.iter().take_while(|m| **m != Motion::Ball).count();
+        let scalars = self.own.placed.joints[joint].shape.motions.iter().take_while(|m| **m != Motion::Ball).count();
         (*coordinate < scalars).then_some(CountedEffort { effort, joint, coordinate: *coordinate })
     }
 
@@ -104,7 +104,7 @@ impl Model {
     /// If there is no such force.
     pub fn load_number(&self, i: usize) -> Result<(usize, usize), DescriptionError> {
         let spring = |f: &Force| matches!(f, Force::Spring { .. });
-        let (forces, elements) = (&self.spec.forces, &self.full.elements);
+        let (forces, elements) = (&self.spec.forces, &self.own.full.elements);
         if i >= forces.len() || elements.len() != forces.len() {
             let message = format!("there is no force {i}; there are {}, numbered from 0", forces.len());
             return Err(DescriptionError::new("mechanism", &self.spec.name, message));
@@ -118,11 +118,12 @@ impl Model {
     /// Acceleration of the origin and angular acceleration of body `i` for v', after [`look_at`](Evaluator::look_at)
     /// its part; world axes.
     pub fn body_acceleration(&self, i: usize, part: &Part, vdot: &[f64], s: &ModelScratch) -> [Vec3<f64>; 2] {
-        let b = &self.placed.bodies[i];
-        let (x, (turned, moved)) = (&s.full.links[b.link], self.link_acceleration(part, b.link, vdot, s));
-        let arm = self.arm_now(s, b.link, self.numbers.bodies[i].origin);
+        let b = &self.own.placed.bodies[i];
+        let (x, (turned, moved)) =
+            (&s.evaluated().full.links[b.link], self.own.link_acceleration(part, b.link, vdot, s.evaluated()));
+        let arm = self.own.arm_now(s.evaluated(), b.link, self.own.numbers.bodies[i].origin);
         let alpha = x.alpha + turned;
         let acc = x.acc + moved + alpha.cross(arm) + x.w.cross(x.w.cross(arm));
-        [acc, alpha].map(|x| self.placed.basis.apply_transposed(x))
+        [acc, alpha].map(|x| self.own.placed.basis.apply_transposed(x))
     }
 }

@@ -15,20 +15,20 @@ impl Model {
     /// Whole turns are kept where both models have the joint in their trees, and in the plane.
     pub fn transferred(&self, from: &Model, q: &[f64], v: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let mut s = from.scratch();
-        from.look(q, v, &mut s);
+        from.own.look(q, v, s.equations());
         let (mut q2, mut v2) = (self.initial(), vec![0.0; self.size().nv]);
         let turned = from.turned(q);
-        for e in &self.placed.topology.tree {
+        for e in &self.own.placed.topology.tree {
             match e.joint {
                 Some(j) => self.transfer_joint(j, from, (q, v), &s, &mut q2, &mut v2),
                 None => self.transfer_floating(e.to - 1, (from, &turned), &s, &mut q2, &mut v2),
             }
         }
-        for (r, p) in self.spec.rotors.iter().zip(&self.placed.rotors) {
-            let (Some(link), Some(&j)) = (p.link, self.placed.joint_numbers.get(&r.joint)) else { continue };
+        for (r, p) in self.spec.rotors.iter().zip(&self.own.placed.rotors) {
+            let (Some(link), Some(&j)) = (p.link, self.own.placed.joint_numbers.get(&r.joint)) else { continue };
             // translations and angles come before a spatial rotation, of which no rotor reads a part
             let x = from.joint_state(j, q, v, &s);
-            let l = &self.placed.links[link];
+            let l = &self.own.placed.links[link];
             (q2[l.q], v2[l.v]) = (x.position[r.coordinate], x.velocity[r.coordinate]);
         }
         (q2, v2)
@@ -36,8 +36,8 @@ impl Model {
 
     /// Rotations of the links of a planar mechanism from the drawing, whole turns included; parents come first.
     fn turned(&self, q: &[f64]) -> Vec<f64> {
-        let mut turned = vec![0.0; self.placed.links.len()];
-        for (i, l) in self.placed.links.iter().enumerate().skip(1) {
+        let mut turned = vec![0.0; self.own.placed.links.len()];
+        for (i, l) in self.own.placed.links.iter().enumerate().skip(1) {
             let own = if let Motion::Turn(a) = l.motion { a.0[2].signum() * q[l.q] } else { 0.0 };
             turned[i] = turned[l.parent] + own;
         }
@@ -50,7 +50,7 @@ impl Model {
     /// # Errors
     /// `Wound`.
     pub fn check_transfer(&self, from: &Model, q: &[f64]) -> Result<(), SystemError> {
-        for (own, other) in self.full.elements.iter().zip(&from.full.elements) {
+        for (own, other) in self.own.full.elements.iter().zip(&from.own.full.elements) {
             let counted = other.depends_on().and_then(Measurement::coordinate);
             let (Some((what, middle, within)), Some(counted)) = (own.turn_range(), counted) else { continue };
             let by = q[counted] - middle;
@@ -71,11 +71,11 @@ impl Model {
         q2: &mut [f64],
         v2: &mut [f64],
     ) {
-        let p = &self.placed.joints[j];
+        let p = &self.own.placed.joints[j];
         let x = from.joint_state(j, q, v, s);
         let (mut iq, mut iv) = (0, 0);
         for (m, &link) in p.shape.motions.iter().zip(p.links.iter().flatten()) {
-            let l = &self.placed.links[link];
+            let l = &self.own.placed.links[link];
             if *m == Motion::Ball {
                 // from the axes of the drawing to those of the zero position
                 let [real, x1, x2, x3] = [0, 1, 2, 3].map(|i| x.position[iq + i]);
@@ -110,15 +110,15 @@ impl Model {
         let x = from.body_state(body, s);
         let drawn = Vec3(b.position) + Mat3(b.orientation).apply(Vec3(b.com));
         let arm = x.rotation.apply(Vec3(b.com));
-        let inside = &self.placed.basis;
+        let inside = &self.own.placed.basis;
         let turn = x.rotation.mul(&Mat3(b.orientation).transpose());
-        self.place_floating(body, x.position + arm - drawn, &turn, turned[from.placed.bodies[body].link], q);
+        self.place_floating(body, x.position + arm - drawn, &turn, turned[from.own.placed.bodies[body].link], q);
         let rate = inside.apply(x.velocity + x.angular_velocity.cross(arm));
         let turn = inside.mul(&turn).mul(&inside.transpose());
         let spin = inside.apply(x.angular_velocity);
-        let mut link = self.placed.bodies[body].link;
+        let mut link = self.own.placed.bodies[body].link;
         while link != 0 {
-            let l = &self.placed.links[link];
+            let l = &self.own.placed.links[link];
             match l.motion {
                 Motion::Ball => v[l.v..l.v + 3].copy_from_slice(&turn.apply_transposed(spin).0),
                 Motion::Turn(_) => v[l.v] = spin.0[2],
@@ -138,11 +138,11 @@ impl Model {
         counted: f64,
         q: &mut [f64],
     ) {
-        let inside = &self.placed.basis;
+        let inside = &self.own.placed.basis;
         let (moved, turn) = (inside.apply(displaced), inside.mul(turn).mul(&inside.transpose()));
-        let mut link = self.placed.bodies[body].link;
+        let mut link = self.own.placed.bodies[body].link;
         while link != 0 {
-            let l = &self.placed.links[link];
+            let l = &self.own.placed.links[link];
             match l.motion {
                 Motion::Ball => q[l.q..l.q + 4].copy_from_slice(&Quaternion::from_matrix(&turn).0),
                 Motion::Turn(_) => {

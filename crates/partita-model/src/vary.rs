@@ -94,7 +94,7 @@ impl Varied for Model {
                 put(&x.force, &mut out.forces);
             }
         }
-        match self.calls_functions() {
+        match self.own.calls_functions() {
             true => Ok(Derivatives::Differences),
             false => Ok(Derivatives::Exact),
         }

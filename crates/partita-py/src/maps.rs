@@ -80,7 +80,7 @@ pub fn measures<'py>(
         let s = actuators.inner().count();
         d.set_item("actuators", array(py, &[count, k, s], scaled))?;
         d.set_item("constraints", array(py, &[count], weakest))?;
-        d.set_item("length", m.placed.length)?;
+        d.set_item("length", m.length())?;
         Ok(d)
     })
 }

@@ -250,7 +250,7 @@ impl Model {
     }
     #[getter]
     fn calls_functions(&self) -> bool {
-        self.inner.calls_functions()
+        self.inner.equations().calls_functions()
     }
 
     #[getter]
@@ -389,7 +389,7 @@ impl Model {
         guarded(py, || {
             let options = options.get().request();
             let (q, v) = self.state(&q, &v)?;
-            let (system, calls) = (self.inner.clone(), self.inner.calls_functions());
+            let (system, calls) = (self.inner.clone(), self.inner.equations().calls_functions());
             let tangent = run::tangent(self.nv(), tangent);
             run::run(py, system, options, &t_eval, (&q, &v), tangent, progress, calls)
         })

@@ -155,7 +155,7 @@ pub fn joints<'py>(py: Python<'py>, m: &Model, x: &Motion, which: &[usize]) -> P
     known(py, which, m.spec.joints.len(), "joint")?;
     let (states, nj) = (x.states(), which.len());
     let found = tables(py, |watch| outputs::joints(m, &states, which, watch))?;
-    let shape = |j: &usize| &m.placed.joints[*j].shape;
+    let shape = |j: &usize| m.shape(*j);
     let nq = which.iter().flat_map(|j| &shape(j).motions).map(partita_model::joint::Motion::coordinates).sum();
     let nv = which.iter().map(|j| shape(j).dof()).sum();
     let shapes: [(&str, &[usize]); 3] =
@@ -175,7 +175,7 @@ pub fn joint_accelerations<'py>(
     let states = x.states();
     let vdot = rows_of(vdot, states.len(), m.size().nv, "vdot")?;
     let mut found = tables(py, |watch| outputs::joint_accelerations(m, &states, &vdot, which, watch))?;
-    let nv = which.iter().map(|&j| m.placed.joints[j].shape.dof()).sum();
+    let nv = which.iter().map(|&j| m.shape(j).dof()).sum();
     Ok(array(py, &[states.len(), nv], found.next().unwrap_or_default()))
 }
 
@@ -228,7 +228,7 @@ pub fn reaction<'py>(
     known(py, &[joint], m.spec.joints.len(), "joint")?;
     let (states, forces) = (x.states(), acting.forces());
     let found = tables(py, |watch| outputs::reaction(m, &states, &forces, joint, watch))?;
-    let nv = m.placed.joints[joint].shape.dof();
+    let nv = m.shape(joint).dof();
     let shapes: [(&str, &[usize]); 4] =
         [("force", &[3]), ("moment", &[3]), ("drive", &[nv]), ("joint_rotation", &[3, 3])];
     named(py, states.len(), found, &shapes)
@@ -238,7 +238,7 @@ pub fn reaction<'py>(
 pub fn reactions<'py>(py: Python<'py>, m: &Model, x: &Motion, acting: &Acting) -> PyResult<Bound<'py, PyDict>> {
     let (states, forces, nj) = (x.states(), acting.forces(), m.spec.joints.len());
     let found = tables(py, |watch| outputs::reactions(m, &states, &forces, watch))?;
-    let nv = m.placed.joints.iter().map(|p| p.shape.dof()).sum();
+    let nv = m.zero_position().joints.iter().map(|p| p.shape.dof()).sum();
     let shapes: [(&str, &[usize]); 7] = [
         ("force", &[nj, 3]),
         ("moment", &[nj, 3]),
@@ -290,7 +290,7 @@ pub type Flags<'py> = Bound<'py, PyArrayDyn<bool>>;
 /// degrees of freedom), and of the multipliers of couplings, drives and joints' own conditions (nt, conditions).
 pub fn determined<'py>(py: Python<'py>, m: &Model, x: &Motion) -> PyResult<[Flags<'py>; 4]> {
     let (states, nj) = (x.states(), m.spec.joints.len());
-    let dof = m.placed.joints.iter().map(|p| p.shape.dof()).sum();
+    let dof = m.zero_position().joints.iter().map(|p| p.shape.dof()).sum();
     let mut found = tables(py, |watch| determined::flags(m, &states, watch))?;
     let mut next = |shape: &[usize]| {
         let flags = found.next().unwrap_or_default().into_iter().map(|x| x != 0.0).collect();

@@ -58,7 +58,7 @@ impl Wanted {
         near: &[f64],
     ) -> Result<(Vec<f64>, Vec<f64>, String), SystemError> {
         let found = poses::one(m, t, q, &self.ask)?;
-        let rest = near.iter().all(|v| *v == 0.0) && !m.rheonomic();
+        let rest = near.iter().all(|v| *v == 0.0) && !m.structure().rheonomic;
         let v = if rest && self.rates.is_empty() && self.turns.is_empty() {
             vec![0.0; m.size().nv]
         } else {

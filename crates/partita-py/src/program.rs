@@ -5,8 +5,9 @@ use partita_analysis::error::AnalysisError;
 use partita_analysis::run::ExaminedStart;
 use partita_model::{DescriptionError, Model};
 use partita_system::prelude::*;
+use partita_system::system::structure::{Row, Structure};
 use pyo3::prelude::*;
-use serde_json::{json, Map, Value};
+use serde_json::{json, Map};
 
 /// Why there is no program.
 pub(crate) enum Refused {
@@ -31,30 +32,29 @@ pub(crate) fn recorded(model: &Model, names: &[String], t: f64, q: &[f64]) -> Re
     let rest = vec![0.0; size.nv];
     let dropped = ExaminedStart::at(model, (t, q, &rest), (t, 1.0), 0.0).map_err(Refused::Start)?.start.dropped;
     let pattern = model.pattern();
-    let rows: Vec<Value> = (0..size.rows)
-        .map(|i| {
-            json!({
-                "words": model.row_description(i), "owner": model.row_owner(i), "angle": model.row_is_angle(i),
-                "drive": model.row_is_drive(i), "displacement": model.row_displacement(i),
-            })
+    let Structure { rows, velocities, .. } = model.structure();
+    let condition = |row: &Row| {
+        json!({
+            "words": &*row.description, "owner": &*row.owner, "angle": row.is_angle, "drive": row.is_drive,
+            "displacement": row.displacement,
         })
-        .collect();
+    };
     let ranges = |list: Vec<(&str, usize, usize)>| {
         list.into_iter().map(|(name, at, n)| (name.to_string(), json!([at, n]))).collect::<Map<_, _>>()
     };
     let parameters = made.parameters.iter().map(|(name, at, n)| (name.as_str(), *at, *n)).collect();
-    let coordinates: Vec<[usize; 2]> =
-        (0..size.nv).map(|i| model.coordinates_of(i)).map(|r| [r.start, r.end]).collect();
+    let coordinates: Vec<_> = velocities.iter().map(|v| [v.coordinates.start, v.coordinates.end]).collect();
     let reported = json!({
         "coordinates": size.nq, "velocities": size.nv, "rows": size.rows, "holonomic": size.holonomic,
         "work": made.module.work, "operations": made.module.operations,
         "patterns": made.patterns.iter().map(|(name, at)| (name.to_string(), json!(at))).collect::<Map<_, _>>(),
         "parameters": ranges(parameters), "inputs": ranges(made.inputs.clone()), "outputs": ranges(made.outputs.clone()),
-        "row_start": pattern.row_ptr, "columns": pattern.col_idx, "conditions": rows, "dropped": dropped,
+        "row_start": pattern.row_ptr, "columns": pattern.col_idx, "dropped": dropped,
+        "conditions": rows.iter().map(condition).collect::<Vec<_>>(),
         "coordinates_of": coordinates,
-        "displacement": (0..size.nv).map(|i| model.characteristic_displacement(i)).collect::<Vec<_>>(),
-        "names": (0..size.nv).map(|i| model.velocity_name(i)).collect::<Vec<_>>(),
-        "length": model.placed.length,
+        "displacement": velocities.iter().map(|v| v.displacement).collect::<Vec<_>>(),
+        "names": velocities.iter().map(|v| &*v.name).collect::<Vec<_>>(),
+        "length": model.length(),
     });
     Ok((made.module.bytes, reported.to_string()))
 }

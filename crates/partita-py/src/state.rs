@@ -40,7 +40,7 @@ pub fn assemble<S: ConstrainedSystem>(
         residual = moved.residual;
         steps = moved.target_steps;
     }
-    let v = if rates.is_empty() && !system.rheonomic() && near.iter().all(|v| *v == 0.0) {
+    let v = if rates.is_empty() && !system.structure().rheonomic && near.iter().all(|v| *v == 0.0) {
         vec![0.0; system.size().nv]
     } else {
         match chosen(system, t, &q) {
@@ -49,9 +49,9 @@ pub fn assemble<S: ConstrainedSystem>(
                 let asked = |&(i, rate): &(usize, f64)| {
                     let row = (0..n).map(|j| f64::from(u8::from(i == j))).collect();
                     RequestedRate {
-                        name: system.velocity_name(i),
+                        name: system.structure().velocity_name(i),
                         row,
-                        displacement: system.characteristic_displacement(i),
+                        displacement: system.structure().displacement(i),
                         rate,
                     }
                 };

@@ -30,7 +30,7 @@ struct Summary<'m> {
     closing_rows: usize,
     coordinates: &'m [String],
     velocities: &'m [String],
-    rows_names: Vec<String>,
+    rows_names: Vec<&'m str>,
     removed: Vec<Removed<'m>>,
     /// The largest change of a joint frame that makes it movable, or would.
     geometric_error: f64,
@@ -97,12 +97,12 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         bodies: m.spec.bodies.iter().map(|b| Body { name: &b.name }).collect(),
         joints: joints(m),
         couplings: couplings(m),
-        drives: m.drives.iter().map(|d| d.name.as_str()).collect(),
-        drive_rows: m.drives.iter().map(|d| d.row).collect(),
+        drives: m.drives().iter().map(|d| d.name.as_str()).collect(),
+        drive_rows: m.drives().iter().map(|d| d.row).collect(),
         closing_rows: m.closing_rows,
-        coordinates: &m.placed.coordinate_names,
-        velocities: &m.placed.velocity_names,
-        rows_names: (0..size.rows).map(|i| m.row_name(i)).collect(),
+        coordinates: &m.zero_position().coordinate_names,
+        velocities: &m.zero_position().velocity_names,
+        rows_names: m.row_names.iter().map(|row| row.name.as_str()).collect(),
         removed: redundant.iter().map(|x| Removed { row: &x.row, why: &x.why }).collect(),
         geometric_error: mobility.map_or(0.0, |x| x.geometric_error),
         repaired: m.geometry().geometric_error(),
@@ -123,10 +123,10 @@ fn couplings(m: &Model) -> Vec<Coupling<'_>> {
 fn joints(m: &Model) -> Vec<Joint<'_>> {
     let (mut first_q, mut first_v) = (0, 0);
     let mut found = Vec::with_capacity(m.spec.joints.len());
-    for (p, j) in m.placed.joints.iter().zip(&m.spec.joints) {
+    for (p, j) in m.zero_position().joints.iter().zip(&m.spec.joints) {
         let nq: usize = p.shape.motions.iter().map(|x| x.coordinates()).sum();
         let nv = p.shape.dof();
-        let first = p.in_state().map(|l| &m.placed.links[l[0]]);
+        let first = p.in_state().map(|l| &m.zero_position().links[l[0]]);
         let turns = p.shape.motions.contains(&Motion::Ball) && p.on_child.0 != Mat3::<f64>::identity().0;
         let mut axes: Vec<&str> = Vec::with_capacity(nv);
         for (motion, name) in p.shape.motions.iter().zip(&p.shape.names) {

@@ -97,20 +97,20 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
         let (size, nnz) = (system.size(), system.pattern().nnz());
         let mut x = Self {
             system,
-            rows: (0..size.rows).filter(|&i| drives || !system.row_is_drive(i)).collect(),
+            rows: (0..size.rows).filter(|&i| drives || !system.structure().rows[i].is_drive).collect(),
             scratch: system.scratch(),
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; nnz],
             a: vec![0.0; size.rows],
             sizes: vec![1.0; size.rows],
-            displacement: (0..size.nv).map(|i| system.characteristic_displacement(i)).collect(),
+            displacement: system.structure().displacements().collect(),
         };
         x.position(t, q)?;
         let pattern = system.pattern();
         for i in 0..size.rows {
             let norm =
                 pattern.row(i).map(|e| (x.c[e] * x.displacement[pattern.col_idx[e]]).powi(2)).sum::<f64>().sqrt();
-            let known = system.row_displacement(i).filter(|r| *r > 0.0);
+            let known = system.structure().rows[i].displacement.filter(|r| *r > 0.0);
             x.sizes[i] = known.unwrap_or(if norm > 0.0 { norm } else { 1.0 });
         }
         Ok(x)
@@ -362,11 +362,11 @@ pub fn look<S: ConstrainedSystem>(
 
 /// Values of the moving coordinates a few degrees along a branch: a guess for an assembly on it.
 pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Vec<(String, f64)> {
-    let at = |v: usize| (0..q.len()).find(|&c| system.velocity_of_coordinate(c) == Some(v));
+    let at = |v: usize| (0..q.len()).find(|&c| system.structure().coordinates[c].velocity == Some(v));
     let moved = |(v, c): (usize, usize)| {
         let (from, to) = (q[c], branch.beside[c]);
-        ((to - from).abs() > tolerance::TAKES_PART * system.characteristic_displacement(v))
-            .then(|| (system.velocity_name(v), to))
+        ((to - from).abs() > tolerance::TAKES_PART * system.structure().displacement(v))
+            .then(|| (system.structure().velocity_name(v), to))
     };
     (0..system.size().nv).filter_map(|v| at(v).map(|c| (v, c))).filter_map(moved).collect()
 }
@@ -376,7 +376,7 @@ pub fn guess<S: ConstrainedSystem>(system: &S, q: &[f64], branch: &Branch) -> Ve
 pub fn rates<S: ConstrainedSystem>(system: &S, branch: &Branch, all: &[Branch]) -> Vec<(String, f64)> {
     let goes = |i: usize| all.iter().chain([branch]).any(|b| b.rates[i] != 0.0);
     let moving = branch.rates.iter().enumerate().filter(|x| goes(x.0));
-    moving.map(|(i, &rate)| (system.velocity_name(i), rate)).collect()
+    moving.map(|(i, &rate)| (system.structure().velocity_name(i), rate)).collect()
 }
 
 /// Number of coordinates written out; beyond it the message refers to the report.
@@ -391,12 +391,13 @@ pub fn words<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Opti
         return Ok(Some(of_joints(system, q, &found)));
     }
     let rows = system.size().rows;
-    let drives: Vec<usize> = (0..rows).filter(|&i| system.row_is_drive(i)).collect();
+    let drives: Vec<usize> = (0..rows).filter(|&i| system.structure().rows[i].is_drive).collect();
     if drives.is_empty() {
         return Ok(None);
     }
     Ok(look(system, t, q, true)?.filter(Branching::structure).map(|_| {
-        let names: Vec<String> = drives.iter().take(WRITTEN).map(|&i| system.row_owner(i)).collect();
+        let names: Vec<String> =
+            drives.iter().take(WRITTEN).map(|&i| system.structure().rows[i].owner.to_string()).collect();
         format!(
             "a dead centre: {} does not determine here in which direction the joints continue, although the joints \
              alone could move; start a little away from it, with a joint bent by a few degrees and the drive \

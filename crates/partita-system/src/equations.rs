@@ -5,10 +5,8 @@ pub mod derivatives;
 pub mod full;
 
 use crate::closing::Closing;
-use crate::system::{project_dense, Size, SystemError, SystemRef, Tangent, Varied};
-use crate::system::{
-    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales,
-};
+use crate::system::{project_dense, Guards, Levels, Manifold, Methods, Metric, Varied};
+use crate::system::{Structure, SystemError, SystemRef, Tangent};
 use closing::UserClosing;
 use partita_math::dense;
 use partita_math::elimination::Pattern;
@@ -61,9 +59,7 @@ pub trait ExplicitClosing {
 pub struct UserSystem<E: Equations> {
     /// The equations.
     pub equations: E,
-    pattern: Pattern,
-    /// Characteristic lengths of the coordinates.
-    lengths: Vec<f64>,
+    structure: Structure,
     /// Whether derivatives are to be compared with differences.
     checked: bool,
 }
@@ -83,8 +79,9 @@ impl<E: Equations> UserSystem<E> {
     /// Wrap equations.
     pub fn new(equations: E) -> Self {
         let pattern = Pattern::dense(equations.rows(), equations.n());
-        let lengths = vec![1.0; equations.n()];
-        Self { equations, pattern, lengths, checked: false }
+        let mut structure = Structure::of_equations(pattern, equations.holonomic(), |i| equations.name(i));
+        structure.rheonomic = equations.rheonomic();
+        Self { equations, structure, checked: false }
     }
 
     /// With derivatives that are compared with differences wherever a motion is examined.
@@ -102,15 +99,11 @@ impl<E: Equations> UserSystem<E> {
     /// With these characteristic lengths: the large displacement of each coordinate, 1 for an angle.
     #[must_use]
     pub fn with_lengths(mut self, lengths: Vec<f64>) -> Self {
-        if lengths.len() == self.lengths.len() {
-            self.lengths = lengths;
+        let velocities = &mut self.structure.velocities;
+        if lengths.len() == velocities.len() {
+            velocities.iter_mut().zip(lengths).for_each(|(v, length)| v.displacement = length);
         }
         self
-    }
-
-    /// Characteristic lengths of the coordinates.
-    pub fn lengths(&self) -> &[f64] {
-        &self.lengths
     }
 
     fn mass(&self, t: f64, q: &[f64], s: &mut UserScratch) -> Result<(), SystemError> {
@@ -143,12 +136,8 @@ impl<E: Equations> UserSystem<E> {
 
 impl<E: Equations> Levels for UserSystem<E> {
     type Scratch = UserScratch;
-    fn size(&self) -> Size {
-        let e = &self.equations;
-        Size { nq: e.n(), nv: e.n(), rows: e.rows(), holonomic: e.holonomic() }
-    }
-    fn pattern(&self) -> &Pattern {
-        &self.pattern
+    fn structure(&self) -> &Structure {
+        &self.structure
     }
     fn scratch(&self) -> UserScratch {
         let n = self.equations.n();
@@ -161,9 +150,6 @@ impl<E: Equations> Levels for UserSystem<E> {
             h_known: false,
             work: vec![0.0; n],
         }
-    }
-    fn rheonomic(&self) -> bool {
-        self.equations.rheonomic()
     }
     fn position(
         &self,
@@ -180,7 +166,7 @@ impl<E: Equations> Levels for UserSystem<E> {
         }
         self.equations.constraints(t, q, phi)?;
         self.equations.jacobian(t, q, c)?;
-        if self.equations.rheonomic() {
+        if self.structure.rheonomic {
             self.equations.rate(t, q, a)?;
         }
         Ok(())
@@ -282,34 +268,13 @@ impl<E: Equations> Metric for UserSystem<E> {
     }
 }
 
-impl<E: Equations> Clustered for UserSystem<E> {}
-
 impl<E: Equations> Manifold for UserSystem<E> {}
 
 impl<E: Equations> Varied for UserSystem<E> {}
 
-impl<E: Equations> Scales for UserSystem<E> {
-    fn characteristic_displacement(&self, i: usize) -> f64 {
-        self.lengths[i]
-    }
-}
-
-impl<E: Equations> Names for UserSystem<E> {
-    fn velocity_name(&self, i: usize) -> String {
-        self.equations.name(i)
-    }
-    fn row_name(&self, i: usize) -> String {
-        format!("constraint {i}")
-    }
-}
-
-impl<E: Equations> Conditions for UserSystem<E> {}
-
 impl<E: Equations> Guards for UserSystem<E> {}
 
-impl<E: Equations> Programs for UserSystem<E> {}
-
-impl<E: Equations> InverseKinematics for UserSystem<E> {
+impl<E: Equations> Methods for UserSystem<E> {
     fn closing<'s>(
         system: SystemRef<'s, Self>,
         t: f64,

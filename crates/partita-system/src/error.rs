@@ -28,7 +28,7 @@ pub enum CrossingOutcome {
 }
 
 /// Why a system could not be evaluated.
-#[derive(Clone, Debug, Error)]
+#[derive(Debug, Error)]
 pub enum SystemError {
     /// The constraint matrix lost rank here.
     #[error(

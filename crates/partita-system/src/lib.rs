@@ -35,8 +35,7 @@ pub use partition::Partition;
 /// All traits of a system, to be imported together.
 pub mod prelude {
     pub use crate::system::{
-        Clustered as _, Conditions as _, ConstrainedSystem as _, Guards as _, InverseKinematics as _, Levels as _,
-        Manifold as _, Metric as _, Names as _, Programs as _, Scales as _,
+        Clustered as _, ConstrainedSystem as _, Guards as _, Levels as _, Manifold as _, Methods as _, Metric as _,
     };
 }
 

@@ -15,8 +15,8 @@ pub fn some(names: &[String]) -> String {
 pub fn not_finite<S: ConstrainedSystem>(system: &S, t: f64, phi: &[f64], c: &[f64]) -> SystemError {
     let finite = |i: usize| phi[i].is_finite() && system.pattern().row(i).all(|e| c[e].is_finite());
     let row = (0..system.size().holonomic).find(|&i| !finite(i));
-    let what = row.map_or_else(|| "a loop-closure constraint".into(), |i| system.row_description(i));
-    SystemError::NotFinite { what, t }
+    let what = row.map_or("a loop-closure constraint", |i| &*system.structure().rows[i].description);
+    SystemError::NotFinite { what: what.into(), t }
 }
 
 /// The loop that row i closes, by its joints, if there are any.
@@ -24,8 +24,8 @@ pub fn loop_of<S: ConstrainedSystem>(system: &S, i: usize) -> String {
     let pattern = system.pattern();
     let mut through: Vec<String> = Vec::new();
     for e in pattern.row(i) {
-        let name = system.velocity_name(pattern.col_idx[e]);
-        let joint = name.rsplit_once('.').map_or(name.as_str(), |x| x.0).to_string();
+        let name = &*system.structure().velocities[pattern.col_idx[e]].name;
+        let joint = name.rsplit_once('.').map_or(name, |x| x.0).to_string();
         if !through.contains(&joint) {
             through.push(joint);
         }

@@ -38,7 +38,7 @@ fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
             None => {}
         }
     }
-    let drive = |i: usize| r.system.row_is_drive(i);
+    let drive = |i: usize| r.system.structure().rows[i].is_drive;
     let mut rank = preferred_rows(pattern, &c, r.scales(), tolerance::REDUNDANT, (tolerance::REDUNDANT, &drive));
     rank.pivots.push(weakest);
     rank
@@ -64,10 +64,10 @@ pub fn analyse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<St
 /// See [`analyse`].
 pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &[f64]) -> Result<Start, SystemError> {
     let system = probe.system.clone();
-    if let Some(who) = system.ambiguous() {
+    if let Some(who) = &system.structure().drawing.ambiguous {
         return Err(SystemError::argument("drawing_tolerance", format!("{who} {AMBIGUOUS}")));
     }
-    let Some(finite) = system.finite() else {
+    let Some(finite) = system.structure().drawing.finite else {
         let (start, largest_dropped) = ranked(probe, t, q)?;
         if !start.dropped.is_empty() {
             persists(&*system, (t, q), &start, largest_dropped)?;
@@ -75,16 +75,16 @@ pub fn analyse_with<S: ConstrainedSystem>(probe: &mut Reduction<S>, t: f64, q: &
         return Ok(start);
     };
     if finite.instantaneous > 0 {
-        return Err(shaky(t, finite, &system.instantaneous()));
+        return Err(shaky(t, finite, &system.structure().drawing.instantaneous));
     }
     let start = counted(probe, t, q, finite)?;
     let wanted = system.size().nv.saturating_sub(finite.dof);
-    let is_drive = |i: &usize| system.row_is_drive(*i);
+    let is_drive = |i: &usize| system.structure().rows[*i].is_drive;
     let closings = (0..system.size().rows).filter(|i| !is_drive(i)).count();
     let kept = closings - start.dropped.iter().filter(|i| !is_drive(i)).count();
     if kept < wanted && finite.hidden {
-        let who: Vec<String> = start.dropped.iter().take(3).map(|&i| system.row_owner(i)).collect();
-        return Err(SystemError::argument("drawing_tolerance", format!("{HIDDEN} ({})", who.join(", "))));
+        let who = owners(&*system, &start.dropped);
+        return Err(SystemError::argument("drawing_tolerance", format!("{HIDDEN} ({who})")));
     }
     if kept < wanted {
         return Err(singular(&*system, (t, q), &start, start.rank + wanted - kept)?);
@@ -105,6 +105,11 @@ const AMBIGUOUS: &str =
     "nearly follows from the other constraints, by a difference of about the drawing_tolerance: if \
     it should follow from them (wheels on one axis, equal bars, a ring of gears), give its axis, radius, length or \
                          ratio exactly; if it is intended as drawn, give a smaller drawing_tolerance";
+
+/// The first elements to which these rows belong.
+fn owners<S: ConstrainedSystem>(system: &S, rows: &[usize]) -> String {
+    rows.iter().take(3).map(|&i| &*system.structure().rows[i].owner).collect::<Vec<_>>().join(", ")
+}
 
 /// Motions that exist only instantaneously, at every position.
 fn shaky(t: f64, finite: Finite, who: &str) -> SystemError {
@@ -131,7 +136,7 @@ fn counted<S: ConstrainedSystem>(
 ) -> Result<Start, SystemError> {
     let system = probe.system.clone();
     let limit = if finite.weak { tolerance::LOST_PIVOT } else { tolerance::REDUNDANT };
-    let drive = |i: usize| system.row_is_drive(i);
+    let drive = |i: usize| system.structure().rows[i].is_drive;
     probe.weigh_displacements(true);
     probe.position(t, q)?;
     probe.refresh_scales(t, q)?;
@@ -170,7 +175,8 @@ fn singular<S: ConstrainedSystem>(
     start: &Start,
     there: usize,
 ) -> Result<SystemError, SystemError> {
-    let names: Vec<String> = start.dropped.iter().take(6).map(|&i| system.row_name(i)).collect();
+    let names: Vec<String> =
+        start.dropped.iter().take(6).map(|&i| system.structure().rows[i].name.to_string()).collect();
     let advice = branching::words(system, t, q)?
         .unwrap_or_else(|| "the motion from here is not unique; start a little away from it".into());
     let message = format!(
@@ -194,7 +200,7 @@ fn persists<S: ConstrainedSystem>(
              dropped {largest_dropped:.2e} (of {}); start a little away from it, or give the joint positions with \
              all digits",
             start.smallest,
-            start.dropped.iter().take(3).map(|&i| system.row_owner(i)).collect::<Vec<_>>().join(", ")
+            owners(system, &start.dropped)
         );
         return Err(SystemError::SingularStart { t, message });
     }
@@ -208,7 +214,7 @@ fn persists<S: ConstrainedSystem>(
 /// a singular position has a rank of its own.
 pub fn rank_here<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64]) -> Result<Start, SystemError> {
     let mut probe = Reduction::new(system, 0);
-    match system.finite() {
+    match system.structure().drawing.finite {
         Some(finite) => counted(&mut probe, t, q, finite),
         None => Ok(ranked(&mut probe, t, q)?.0),
     }
@@ -238,7 +244,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
             NEXT_DOOR
                 * sign
                 * (1.0 + 0.37 * (j as f64).sin())
-                * system.characteristic_displacement(r.partition.independent[j])
+                * system.structure().displacement(r.partition.independent[j])
         })
         .collect();
     let mut near = q.to_vec();
@@ -256,7 +262,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
         return Ok(());
     }
     r.refresh_scales(t, &near)?;
-    let part = |i: usize| r.phi[i].abs() / system.row_displacement(i).unwrap_or(1.0);
+    let part = |i: usize| r.phi[i].abs() / system.structure().rows[i].size();
     let closure_error = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
     let there = rank_at_last(&r);
     if there.rank > start.rank || closure_error > tolerance::CLOSED_IN_RUN {
@@ -337,7 +343,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
             }
             // no choice exists: then the mechanism is singular
             choose_with_threshold(r, t, q, None, 1.0)?;
-            let names = |x: &[usize]| x.iter().map(|&i| r.system.velocity_name(i)).collect::<Vec<_>>().join(", ");
+            let names = |x: &[usize]| r.system.structure().names(x);
             return Err(SystemError::argument(
                 "independent",
                 format!(

@@ -1,27 +1,16 @@
 //! The one contract: a constrained system by levels, with a fixed sparsity and its own tangential projection.
 
 mod duties;
+pub mod structure;
 mod varied;
 
 pub use crate::error::SystemError;
-pub use duties::{Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales};
+pub use duties::{Clustered, Guards, Levels, Manifold, Methods, Metric};
 use partita_math::dense;
 use std::ops::Deref;
 use std::sync::Arc;
+pub use structure::{Finite, Structure};
 pub use varied::{by_differences, At, Changes, Derivatives, Directions, Varied};
-
-/// Degrees of freedom of a system over finite motions, drives released.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Finite {
-    /// Degrees of freedom at generic positions.
-    pub dof: usize,
-    /// Further motions that exist at every position, but only instantaneously.
-    pub instantaneous: usize,
-    /// Whether a constraint may be as weak as the drawing tolerance and still be accepted.
-    pub weak: bool,
-    /// Whether one is so weak that rounding hides it.
-    pub hidden: bool,
-}
 
 /// Sizes of a system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,15 +104,9 @@ impl<S> From<Arc<S>> for SystemRef<'_, S> {
 }
 
 /// S1-S5 of a mechanism or of a user-defined system: all traits together.
-pub trait ConstrainedSystem:
-    Levels + Metric + Clustered + Manifold + Scales + Names + Conditions + Guards + Programs + InverseKinematics
-{
-}
+pub trait ConstrainedSystem: Levels + Metric + Manifold + Guards + Methods {}
 
-impl<S> ConstrainedSystem for S where
-    S: Levels + Metric + Clustered + Manifold + Scales + Names + Conditions + Guards + Programs + InverseKinematics
-{
-}
+impl<S> ConstrainedSystem for S where S: Levels + Metric + Manifold + Guards + Methods {}
 
 /// The projection P3 through dense M and h, for systems without a better method.
 ///

@@ -126,12 +126,12 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         let u: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
         r.evaluate(t, q, &u)?;
         // D holds the given velocities to what the constraints say
-        let slowest = |i: usize| system.characteristic_displacement(i);
+        let slowest = |i: usize| system.structure().displacement(i);
         let fastest = (0..v.len()).fold(1.0, |m: f64, i| m.max(v[i].abs() / slowest(i)));
         if (0..v.len()).any(|i| (r.v[i] - v[i]).abs() > tolerance::OPEN * fastest * slowest(i)) {
             let pattern = system.pattern();
             let rate = |i: usize| r.a[i] + pattern.row(i).map(|e| r.c[e] * v[pattern.col_idx[e]]).sum::<f64>();
-            let of = |i: usize| (rate(i) / system.row_displacement(i).unwrap_or(1.0)).abs();
+            let of = |i: usize| (rate(i) / system.structure().rows[i].size()).abs();
             let worst = (0..pattern.rows).max_by(|&a, &b| of(a).total_cmp(&of(b))).unwrap_or(0);
             return Err(StateError::Inconsistent { row: worst, rate: rate(worst) });
         }
@@ -195,7 +195,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         if let Some(d) = driven.iter().find(|d| !r.partition.rows.contains(&d.row)) {
             let message = format!(
                 "{} repeats other conditions here, so that it moves nothing alone",
-                system.row_description(d.row)
+                system.structure().rows[d.row].description
             );
             return Err(SystemError::argument("inputs", message));
         }
@@ -321,7 +321,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         let mut out = dv.to_vec();
         let mut i = 0;
         while i < out.len() {
-            let own = system.coordinates_of(i);
+            let own = system.structure().coordinates_of(i);
             if own.len() == 1 {
                 i += 1;
                 continue;

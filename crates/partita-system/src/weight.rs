@@ -22,7 +22,7 @@ pub fn unfelt<S: ConstrainedSystem>(
     rank: usize,
 ) -> Result<Option<Vec<f64>>, SystemError> {
     let n = system.size().nv;
-    if !system.lacks_mass() || rank >= n || n > MOST {
+    if !system.structure().lacks_mass || rank >= n || n > MOST {
         return Ok(None);
     }
     let mut r = Reduction::dense(system, rank).weighing_displacements();
@@ -51,11 +51,10 @@ pub fn unfelt<S: ConstrainedSystem>(
     own.iter().zip(&part).for_each(|(&i, x)| y[i] = *x);
     let mut v = d.matvec(&y);
     let fastest = (0..n).max_by(|&i, &j| {
-        (v[i].abs() / system.characteristic_displacement(i))
-            .total_cmp(&(v[j].abs() / system.characteristic_displacement(j)))
+        (v[i].abs() / system.structure().displacement(i)).total_cmp(&(v[j].abs() / system.structure().displacement(j)))
     });
     if let Some(i) = fastest {
-        let size = v[i] / system.characteristic_displacement(i);
+        let size = v[i] / system.structure().displacement(i);
         v.iter_mut().for_each(|v| *v /= size);
     }
     Ok(Some(v))
@@ -136,35 +135,23 @@ fn least_share(md: &[f64], more: &[f64], k: usize, own: &[usize]) -> Option<(f64
     Some((least, y))
 }
 
-/// Refuse a start in which some degree of freedom moves no mass, with its joints and bodies.
-///
-/// # Errors
-/// `Unfelt`.
-pub fn refuse<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], rank: usize) -> Result<(), SystemError> {
-    match words(system, t, q, rank)? {
-        None => Ok(()),
-        Some((motion, bodies)) => Err(SystemError::Unfelt { t, motion, bodies }),
-    }
-}
-
-/// Description of the motion that moves no mass, and the bodies that move in it.
+/// Description of the motion that moves no mass, and its velocities.
 pub fn words<S: ConstrainedSystem>(
     system: &S,
     t: f64,
     q: &[f64],
     rank: usize,
-) -> Result<Option<(String, Vec<String>)>, SystemError> {
+) -> Result<Option<(String, Vec<f64>)>, SystemError> {
     let Some(v) = unfelt(system, t, q, rank)? else { return Ok(None) };
     let mut moving: Vec<usize> =
-        (0..v.len()).filter(|&i| v[i].abs() > tolerance::TAKES_PART * system.characteristic_displacement(i)).collect();
+        (0..v.len()).filter(|&i| v[i].abs() > tolerance::TAKES_PART * system.structure().displacement(i)).collect();
     sort_by(&mut moving, |&i, &j| {
-        (v[j].abs() / system.characteristic_displacement(j))
-            .total_cmp(&(v[i].abs() / system.characteristic_displacement(i)))
+        (v[j].abs() / system.structure().displacement(j)).total_cmp(&(v[i].abs() / system.structure().displacement(i)))
     });
-    let named = moving.iter().take(NAMED).map(|&i| format!("{} at {:.4}", system.velocity_name(i), v[i]));
+    let named = moving.iter().take(NAMED).map(|&i| format!("{} at {:.4}", system.structure().velocities[i].name, v[i]));
     let mut motion = named.collect::<Vec<_>>().join(", ");
     if moving.len() > NAMED {
         motion += &format!(" and {} more", moving.len() - NAMED);
     }
-    Ok(Some((motion, system.bodies_moved(q, &v))))
+    Ok(Some((motion, v)))
 }

@@ -126,7 +126,7 @@ impl Model {
         let ask = Ask { levels: vec![self.targets(targets)?], tolerance: tolerance::CLOSED, ..Ask::default() };
         let found = poses::one(&self.inner, 0.0, &self.inner.initial(), &ask)?;
         let rest = vec![0.0; self.inner.size().nv];
-        let v = match self.inner.rheonomic() {
+        let v = match self.inner.structure().rheonomic {
             true => poses::with_rates(&self.inner, 0.0, &found.q, &rest, &[], &[])?,
             false => rest,
         };

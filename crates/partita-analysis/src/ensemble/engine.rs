@@ -118,12 +118,12 @@ impl Engines {
             let ratio = |&i: &usize| choice.independent.iter().map(move |&j| s[j] / s[i]);
             let mut sizes = vec![1.0; model.size().nq];
             for i in 0..model.size().nv {
-                let own = model.coordinates_of(i);
+                let own = model.structure().coordinates_of(i);
                 if own.len() == 1 {
-                    sizes[own.start] = model.characteristic_displacement(i);
+                    sizes[own.start] = model.structure().displacement(i);
                 }
             }
-            sizes.extend(choice.independent.iter().map(|&i| model.characteristic_displacement(i)));
+            sizes.extend(choice.independent.iter().map(|&i| model.structure().displacement(i)));
             let mut new = Choice {
                 ratios: choice.dependent.iter().flat_map(ratio).collect(),
                 independent: independent.clone(),

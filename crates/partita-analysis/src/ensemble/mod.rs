@@ -170,13 +170,13 @@ fn refusal(model: &Model, what: &Members) -> Option<String> {
         (format!("{request:?}") != format!("{usual:?}"), "options other than tolerances"),
         (model.coordinates() != Coordinates::Relative, "absolute coordinates"),
         (size.rows != size.holonomic, "nonholonomic constraints"),
-        (model.rheonomic(), "prescribed motions"),
-        (model.calls_functions(), "Python functions"),
+        (model.structure().rheonomic, "prescribed motions"),
+        (model.equations().calls_functions(), "Python functions"),
         (model.follows_reactions(), "friction that depends on reactions"),
-        (model.lacks_mass(), "massless bodies"),
+        (model.structure().lacks_mass, "massless bodies"),
         (!watched.guards.is_empty(), "contacts, stops or other elements with guards"),
         (!watched.breakpoints.is_empty() || !watched.discontinuities.is_empty(), "tables"),
-        (watched.domain.is_some() || model.has_ranges(), "tables with an end"),
+        (watched.domain.is_some() || model.equations().has_ranges(), "tables with an end"),
         (model.geometry().drawn.is_some() && !what.parameters.is_empty(), "a repaired drawing with other parameters"),
     ];
     cases.iter().find(|x| x.0).map(|x| x.1.to_string())
@@ -207,12 +207,12 @@ pub fn ensemble(
     let widths = [outputs * size.nq, outputs * size.nv, REPORT];
     let messages: Mutex<Vec<(usize, String)>> = Mutex::default();
     let finished = AtomicUsize::new(0);
-    let chunk = match (&engines, model.calls_functions()) {
+    let chunk = match (&engines, model.equations().calls_functions()) {
         (_, true) => usize::MAX,
         (Some(_), _) => BATCH,
         (None, _) => SMALL_BATCH,
     };
-    let cores = if model.calls_functions() { Some(1) } else { what.workers };
+    let cores = if model.equations().calls_functions() { Some(1) } else { what.workers };
     let batch = if chunk == usize::MAX { 1 } else { chunk };
     let row = |i: usize, memory: &mut Vec<Engine>, rows: &mut Rows| {
         if i % batch != 0 {

@@ -139,7 +139,7 @@ impl Path<'_, '_> {
     fn moved(&mut self, q: &mut [f64], here: &Here, z: &[f64]) -> Result<bool, AnalysisError> {
         let (r, k) = (&mut self.rest.reduction, z.len());
         let dv: Vec<f64> = here.dt.chunks_exact(k).map(|row| dense::dot(row, z)).collect();
-        r.system.step(q, &dv);
+        r.system.equations().step(q, &dv);
         match close_kept(r, self.rest.t, q) {
             Ok(closed) => Ok(closed.is_closed()),
             Err(SystemError::Singular { .. }) => Ok(false),

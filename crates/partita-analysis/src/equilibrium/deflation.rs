@@ -17,13 +17,13 @@ pub fn displacement_between<S: ConstrainedSystem>(system: &S, from: &[f64], to: 
     let mut out = vec![0.0; system.size().nv];
     let mut i = 0;
     while i < out.len() {
-        let own = system.coordinates_of(i);
+        let own = system.structure().coordinates_of(i);
         if own.len() == 1 {
             let mut by = to[own.start] - from[own.start];
-            if system.repeats(own.start) {
+            if system.structure().coordinates[own.start].repeats {
                 by -= TAU * (by / TAU).round();
             }
-            out[i] = by / system.characteristic_displacement(i);
+            out[i] = by / system.structure().displacement(i);
             i += 1;
             continue;
         }
@@ -36,7 +36,7 @@ pub fn displacement_between<S: ConstrainedSystem>(system: &S, from: &[f64], to: 
         // both signs of a quaternion are one rotation
         let factor = if sine > 0.0 { 2.0 * sine.atan2(w) / sine } else { 2.0 };
         for (j, x) in vector.iter().enumerate() {
-            out[i + j] = factor * x / system.characteristic_displacement(i + j);
+            out[i + j] = factor * x / system.structure().displacement(i + j);
         }
         i += 3;
     }

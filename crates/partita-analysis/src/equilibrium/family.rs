@@ -495,7 +495,7 @@ pub fn family(equations: Equations<Model>, t: f64, q: &[f64], x: f64, asked: &[f
         true => (low - scale, high + scale),
         false => (beyond(low - scale, low), beyond(high + scale, high)),
     };
-    let displacement = (0..base.size().nv).map(|l| base.characteristic_displacement(l)).collect();
+    let displacement = (0..base.size().nv).map(|l| base.structure().displacement(l)).collect();
     let mut curve =
         Equilibria { equations, base, t, rank, displacement, scale, there: None, border: Vec::new(), refusal: None };
     let mut sides = Vec::new();

@@ -134,7 +134,7 @@ pub(super) fn failed(e: &factor::FactorError) -> AnalysisError {
 impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
     /// For a system with constraints of this rank.
     pub fn new(system: SystemRef<'s, S>, rank: usize, t: f64) -> Self {
-        let displacement = (0..system.size().nv).map(|l| system.characteristic_displacement(l)).collect();
+        let displacement = (0..system.size().nv).map(|l| system.structure().displacement(l)).collect();
         Self { reduction: Reduction::dense(system, rank), t, displacement }
     }
 
@@ -167,7 +167,7 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
         }
         let sum = |f: &dyn Fn(f64) -> f64, i: usize| (0..n).map(|l| f(-r.dt[l * k + i] * residual[l])).sum::<f64>();
         dense::cholesky(&mut metric, k).map_err(|e| SystemError::Mass {
-            name: r.system.velocity_name(r.partition.independent[e.index]),
+            name: r.system.structure().velocity_name(r.partition.independent[e.index]),
             pivot: e.pivot,
         })?;
         let mut here = Here {
@@ -190,7 +190,7 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
     /// The dependent velocity that drives accelerate most where all rest, with its acceleration, after `look`.   (P2)
     pub fn accelerated(&self) -> Option<(usize, f64)> {
         let r = &self.reduction;
-        if !r.system.rheonomic() {
+        if !r.system.structure().rheonomic {
             return None;
         }
         let mut growth: Vec<f64> = r.partition.rows.iter().map(|&i| -r.b[i]).collect();

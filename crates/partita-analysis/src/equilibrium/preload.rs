@@ -78,7 +78,7 @@ pub fn preload(model: &Model, t: f64, q: &[f64], unknown: &[Unknown]) -> Result<
     let rank = start::analyse(model, t, q)?.rank;
     let numbers: Vec<(usize, usize)> =
         values.iter().enumerate().flat_map(|(i, x)| (0..x.len()).map(move |j| (i, j))).collect();
-    let length = model.placed.length;
+    let length = model.length();
     let mut scales = Vec::new();
     let (mut energy, mut first) = (1.0, 0.0);
     let (mut before, mut moved, mut step) = (f64::INFINITY, f64::INFINITY, 0);
@@ -139,7 +139,7 @@ fn not_held(rest: &Rest<Model>, here: &Here, unknown: &[Unknown], rank: Option<u
     let names: Vec<&str> = unknown.iter().map(|u| u.name.as_str()).collect();
     let k = here.force.len();
     let (i, effort) = here.most(&rest.displacement).unwrap_or((0, 0.0));
-    let along = rest.reduction.system.velocity_name(i);
+    let along = &rest.reduction.system.structure().velocities[i].name;
     let why = match rank {
         Some(rank) if rank < k => {
             let s = if k == 1 { "" } else { "s" };

@@ -278,7 +278,7 @@ fn at_rest<S: ConstrainedSystem + Varied>(rest: &Rest<S>) -> Result<(), Analysis
         let message = format!(
             "drives move at t = {} s: {} at {:.3e} per second; an equilibrium needs a time at which they rest",
             rest.t,
-            rest.reduction.system.velocity_name(i),
+            rest.reduction.system.structure().velocities[i].name,
             rest.reduction.gamma[i]
         );
         return Err(AnalysisError::Argument { argument: "t", message });
@@ -288,14 +288,14 @@ fn at_rest<S: ConstrainedSystem + Varied>(rest: &Rest<S>) -> Result<(), Analysis
         "drives rest at t = {} s, but accelerate: {} by {growth:.3e} per second squared; an equilibrium needs a time at \
          which they stay at rest",
         rest.t,
-        rest.reduction.system.velocity_name(i),
+        rest.reduction.system.structure().velocities[i].name,
     );
     Err(AnalysisError::Argument { argument: "t", message })
 }
 
 fn no_equilibrium<S: ConstrainedSystem>(system: &S, here: &Here, displacement: &[f64], steps: usize) -> AnalysisError {
     let rest = here.most(displacement).map_or(String::new(), |(i, effort)| {
-        format!("; there the effort {effort:.3e} along {} is left", system.velocity_name(i))
+        format!("; there the effort {effort:.3e} along {} is left", system.structure().velocities[i].name)
     });
     let message = format!(
         "no equilibrium was found from here after {steps} steps{rest}; give another state near=..., or add what holds \

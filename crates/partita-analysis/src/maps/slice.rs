@@ -162,7 +162,7 @@ impl<'m> Slice<'m> {
             set,
             limits: range.limits.to_vec(),
             one_branch: range.one_branch,
-            tracked: (0..model.placed.bodies.len()).filter(|i| !spinning.contains(i)).collect(),
+            tracked: (0..model.spec.bodies.len()).filter(|i| !spinning.contains(i)).collect(),
             idle: 0,
             rank,
             dimension: n - rank,
@@ -219,11 +219,11 @@ impl<'m> Slice<'m> {
         let mut rates = Matrix::new(6 * self.tracked.len(), motions.len());
         for (j, x) in motions.iter().enumerate() {
             let v: Vec<f64> = x.iter().zip(&self.field.displacement).map(|(x, d)| x * d).collect();
-            model.look(q, &v, &mut self.scratch);
+            model.equations().look(q, &v, self.scratch.equations());
             for (a, &i) in self.tracked.iter().enumerate() {
                 let b = model.body_state(i, &self.scratch);
                 for axis in 0..3 {
-                    rates[(6 * a + axis, j)] = b.velocity.0[axis] / model.placed.length;
+                    rates[(6 * a + axis, j)] = b.velocity.0[axis] / model.length();
                     rates[(6 * a + 3 + axis, j)] = b.angular_velocity.0[axis];
                 }
             }
@@ -234,7 +234,7 @@ impl<'m> Slice<'m> {
     /// The number of motions at q, where the field was evaluated, without rotations that move no other body.
     fn count_motions(&mut self, q: &[f64]) -> Result<usize, SystemError> {
         let motions = self.motions(q)?.2;
-        if self.tracked.len() < self.field.model.placed.bodies.len() {
+        if self.tracked.len() < self.field.model.spec.bodies.len() {
             self.idle = motions.len() - self.twists(q, &motions)?.rank(tolerance::NULL_VALUE);
         }
         Ok(motions.len() - self.idle)
@@ -401,11 +401,11 @@ impl<'m> Slice<'m> {
     /// Where all bodies are, whatever the coordinates: positions in lengths of the mechanism, and two axes.
     pub fn signature(&mut self, q: &[f64]) -> Vec<f64> {
         let model = self.field.model;
-        model.look(q, &self.rest, &mut self.scratch);
+        model.equations().look(q, &self.rest, self.scratch.equations());
         let mut all = Vec::with_capacity(9 * self.tracked.len());
         for &i in &self.tracked {
             let b = model.body_state(i, &self.scratch);
-            all.extend(b.position.0.map(|x| x / model.placed.length));
+            all.extend(b.position.0.map(|x| x / model.length()));
             all.extend((0..3).flat_map(|row| [b.rotation.0[row][0], b.rotation.0[row][1]]));
         }
         all

@@ -17,7 +17,7 @@ use partita_system::prelude::*;
 
 /// User functions are called in order, on one thread.
 pub(crate) fn chunk_of(model: &Model) -> usize {
-    if model.calls_functions() {
+    if model.equations().calls_functions() {
         usize::MAX
     } else {
         1

@@ -28,11 +28,11 @@ fn part_of(model: &Model, which: &[usize], one: impl Fn(usize) -> Part) -> Part 
 /// # Errors
 /// The errors of `watch`.
 pub fn bodies(model: &Model, states: &States, which: &[usize], watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
-    let part = part_of(model, which, |i| model.part_of_body(i));
+    let part = part_of(model, which, |i| model.equations().part_of_body(i));
     let widths = BODY.map(|w| w * which.len());
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
-        model.look_at(&part, q, v, s);
+        model.equations().look_at(&part, q, v, s.equations());
         for (index, &body) in which.iter().enumerate() {
             let x = model.body_state(body, s);
             rows.row(0, i)[3 * index..][..3].copy_from_slice(&x.position.0);
@@ -54,15 +54,15 @@ pub fn bodies(model: &Model, states: &States, which: &[usize], watch: Watch) -> 
 /// # Errors
 /// The errors of `watch`.
 pub fn joints(model: &Model, states: &States, which: &[usize], watch: Watch) -> Result<Vec<Vec<f64>>, AnalysisError> {
-    let part = part_of(model, which, |j| model.part_of_joint(j));
+    let part = part_of(model, which, |j| model.equations().part_of_joint(j));
     let size = |j: usize| {
-        let shape = &model.placed.joints[j].shape;
+        let shape = model.shape(j);
         (shape.motions.iter().map(partita_model::joint::Motion::coordinates).sum::<usize>(), shape.dof())
     };
     let (nq, nv) = which.iter().map(|&j| size(j)).fold((0, 0), |sum, x| (sum.0 + x.0, sum.1 + x.1));
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
-        model.look_at(&part, q, v, s);
+        model.equations().look_at(&part, q, v, s.equations());
         let (mut at_q, mut at_v) = (0, 0);
         for (index, &j) in which.iter().enumerate() {
             let x = model.joint_state(j, q, v, s);
@@ -103,12 +103,12 @@ pub fn joint_accelerations(
     which: &[usize],
     watch: Watch,
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
-    let part = part_of(model, which, |j| model.part_of_joint(j));
+    let part = part_of(model, which, |j| model.equations().part_of_joint(j));
     let dof = model.degrees_of_freedom_of(which).map_err(AnalysisError::from)?;
     let nv = model.size().nv;
     let row = |i: usize, (s, own): &mut (ModelScratch, Vec<DegreeOfFreedom>), rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
-        model.look_at(&part, q, v, s);
+        model.equations().look_at(&part, q, v, s.equations());
         for (to, dof) in rows.row(0, i).iter_mut().zip(own) {
             *to = dof.acceleration(model, &vdot[i * nv..][..nv], s);
         }
@@ -171,11 +171,11 @@ pub fn body_accelerations(
     which: &[usize],
     watch: Watch,
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
-    let part = part_of(model, which, |i| model.part_of_body(i));
+    let part = part_of(model, which, |i| model.equations().part_of_body(i));
     let nv = model.size().nv;
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (_, q, v) = states.at(model, i);
-        model.look_at(&part, q, v, s);
+        model.equations().look_at(&part, q, v, s.equations());
         for (index, &body) in which.iter().enumerate() {
             let found = model.body_acceleration(body, &part, &vdot[i * nv..][..nv], s);
             for (table, x) in found.into_iter().enumerate() {
@@ -199,11 +199,11 @@ pub fn load(
     watch: Watch,
 ) -> Result<(Vec<Vec<f64>>, usize), AnalysisError> {
     let (e, bodies) = model.load_number(number).map_err(AnalysisError::from)?;
-    let part = model.part_of_load(e);
+    let part = model.equations().part_of_load(e);
     let row = |i: usize, s: &mut ModelScratch, rows: &mut super::Rows| {
         let (t, q, v) = states.at(model, i);
-        model.look_at(&part, q, v, s);
-        let found = model.shown(e, t, q, v, s)?;
+        model.equations().look_at(&part, q, v, s.equations());
+        let found = model.equations().shown(e, t, q, v, s.equations())?;
         rows.row(0, i)[0] = found.power;
         rows.row(1, i)[0] = found.potential;
         rows.row(2, i)[0] = found.effort.unwrap_or(f64::NAN);

@@ -54,21 +54,22 @@ pub fn reaction(
     j: usize,
     watch: Watch,
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
-    let dof = model.placed.joints[j].shape.dof();
+    let dof = model.shape(j).dof();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
-        let part = if rule.is_some() { model.whole().clone() } else { model.part_of_reaction(j) };
+        let part = if rule.is_some() { model.whole().clone() } else { model.equations().part_of_reaction(j) };
         let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
-            let mut drives = model.drive_of(j, lambda);
+            let mut drives = model.equations().drive_of(j, lambda);
             let w = match (rule, memory) {
                 (Some(rule), Some(memory)) => {
-                    let mut joints = model.reactions_of(&part, t, q, v, vdot, lambda, s)?.joints;
+                    let mut joints =
+                        model.equations().reactions_of(&part, t, q, v, vdot, lambda, s.equations())?.joints;
                     let mut shared = lambda.to_vec();
                     rule.share(t, q, &mut joints, &mut shared, memory)?;
-                    drives = model.drive_of(j, &shared);
+                    drives = model.equations().drive_of(j, &shared);
                     joints[j]
                 }
-                _ => model.reaction_of(j, &part, t, q, v, vdot, lambda, s)?,
+                _ => model.equations().reaction_of(j, &part, t, q, v, vdot, lambda, s.equations())?,
             };
             rows.row(0, i).copy_from_slice(&w.force.0);
             rows.row(1, i).copy_from_slice(&w.moment.0);
@@ -92,19 +93,19 @@ pub fn reactions(
     forces: &Forces,
     watch: Watch,
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
-    let (whole, nj) = (model.whole(), model.placed.joints.len());
-    let dof: usize = model.placed.joints.iter().map(|p| p.shape.dof()).sum();
+    let (whole, nj) = (model.whole(), model.spec.joints.len());
+    let dof: usize = model.zero_position().joints.iter().map(|p| p.shape.dof()).sum();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
-            let mut r = model.reactions_of(whole, t, q, v, vdot, lambda, s)?;
+            let mut r = model.equations().reactions_of(whole, t, q, v, vdot, lambda, s.equations())?;
             let mut shared = lambda.to_vec();
             if let (Some(rule), Some(memory)) = (rule, memory) {
                 let mut joints = r.joints.clone();
                 rule.share(t, q, &mut joints, &mut shared, memory)?;
                 let change: Vec<f64> = shared.iter().zip(lambda).map(|(x, y)| x - y).collect();
-                model.replace_reactions(&mut r, &joints, (t, q, &change), s)?;
-                for d in &model.drives {
+                model.equations().replace_reactions(&mut r, &joints, (t, q, &change), s.evaluated())?;
+                for d in model.drives() {
                     if let Some((j, c)) = d.joint {
                         r.drives[j][c] = shared[d.row];
                     }
@@ -123,7 +124,7 @@ pub fn reactions(
             Ok(())
         };
         let conditions = model.size().rows - model.closing_rows;
-        let widths = [3 * nj, 3 * nj, dof, JOINT_AXES * nj, 1, model.placed.bodies.len(), conditions];
+        let widths = [3 * nj, 3 * nj, dof, JOINT_AXES * nj, 1, model.spec.bodies.len(), conditions];
         tables(states.len(), &widths, chunk_of(model), scratches(model, rule), row, watch)
     })
 }
@@ -138,7 +139,7 @@ pub fn augmented(
     forces: &Forces,
     watch: Watch,
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
-    let nj = model.placed.joints.len();
+    let nj = model.spec.joints.len();
     with_rule_for_loads(model, reference(model, states, forces), |rule| {
         let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));

@@ -20,7 +20,7 @@ const INTERVALS: usize = 64;
 /// The reason why a run that stopped at `t` cannot continue to `until` as driven, from the closed position q at the
 /// time `since` shortly before; `None` if the joints allow it, or if no drive prescribes the motion of a joint.
 pub fn driven_beyond(model: &Model, (since, q): (f64, &[f64]), t: f64, until: f64) -> Option<String> {
-    let driven: Vec<Driven> = model.drives.iter().filter_map(|d| asked(model, d)).collect();
+    let driven: Vec<Driven> = model.drives().iter().filter_map(|d| asked(model, d)).collect();
     if driven.is_empty() || until <= t {
         return None;
     }
@@ -67,7 +67,7 @@ struct Driven {
 /// What a drive of a joint's position or velocity prescribes.
 fn asked(model: &Model, d: &DriveRow) -> Option<Driven> {
     let (joint, velocity) = d.joint?;
-    let shape = &model.placed.joints[joint].shape;
+    let shape = model.shape(joint);
     let (mut coordinate, mut first) = (0, 0);
     for motion in &shape.motions {
         if first + motion.velocities() > velocity {

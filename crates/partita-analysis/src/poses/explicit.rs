@@ -262,7 +262,7 @@ impl<'m> Explicit<'m> {
             Err(e) => return Err(e),
         }
         self.levels.position(self.t, &self.trial)?;
-        let closure_error = |(i, x): (usize, &f64)| x.abs() / self.model.row_displacement(i).unwrap_or(1.0);
+        let closure_error = |(i, x): (usize, &f64)| x.abs() / self.model.structure().rows[i].size();
         let worst = ClosureError::of(self.levels.phi.iter().enumerate().map(closure_error)).worst;
         if !worst.is_finite() {
             return Err(not_finite(self.model, self.t, &self.levels.phi, &self.levels.c));

@@ -72,8 +72,8 @@ impl<'m> Field<'m> {
             t,
             levels: Levels::new(model),
             solver: LeastNorm::new(&pattern),
-            displacement: (0..size.nv).map(|i| model.characteristic_displacement(i)).collect(),
-            length: (0..size.holonomic).map(|i| model.row_displacement(i).unwrap_or(1.0)).collect(),
+            displacement: model.structure().displacements().collect(),
+            length: (0..size.holonomic).map(|i| model.structure().rows[i].size()).collect(),
             phi: vec![0.0; rows],
             c: vec![0.0; pattern.nnz()],
             y: vec![0.0; targets.len()],
@@ -225,9 +225,9 @@ impl<'m> Field<'m> {
         let Some(worst) = (0..m).max_by(|&i, &j| self.phi[i].abs().total_cmp(&self.phi[j].abs())) else {
             return (0, 0.0, 0.0);
         };
-        let owner = self.model.row_owner(worst);
+        let all = &self.model.structure().rows;
         let size = |angle: bool| {
-            let rows = (0..m).filter(|&i| self.model.row_is_angle(i) == angle && self.model.row_owner(i) == owner);
+            let rows = (0..m).filter(|&i| all[i].is_angle == angle && all[i].owner == all[worst].owner);
             rows.map(|i| (self.phi[i] * self.length[i]).powi(2)).sum::<f64>().sqrt()
         };
         (worst, size(false), size(true))

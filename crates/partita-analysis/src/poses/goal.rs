@@ -78,14 +78,14 @@ fn ancestors(model: &Model, link: usize) -> BTreeSet<usize> {
     let mut found = BTreeSet::new();
     let mut i = link;
     while i != 0 && found.insert(i) {
-        i = model.placed.links[i].parent;
+        i = model.zero_position().links[i].parent;
     }
     found
 }
 
 fn velocities(model: &Model, links: impl Iterator<Item = usize>) -> Vec<usize> {
     let of = |i: usize| {
-        let l = &model.placed.links[i];
+        let l = &model.zero_position().links[i];
         l.v..l.v + l.motion.velocities()
     };
     let found: BTreeSet<usize> = links.flat_map(of).collect();
@@ -112,13 +112,13 @@ impl Target {
         let unit = |turn: bool| if turn { "rad" } else { "m" };
         match *goal {
             Goal::Own { q } => {
-                let v = model.velocity_of_coordinate(q).ok_or_else(refuse)?;
-                let displacement = model.characteristic_displacement(v);
-                let turn = model.placed.links.iter().any(|l| l.v == v && matches!(l.motion, Motion::Turn(_)));
+                let v = model.structure().coordinates[q].velocity.ok_or_else(refuse)?;
+                let displacement = model.structure().displacement(v);
+                let turn = model.zero_position().links.iter().any(|l| l.v == v && matches!(l.motion, Motion::Turn(_)));
                 Ok(named(Source::Own { q, v }, displacement, unit(turn), vec![v], Part::default()))
             }
             Goal::Joint { joint, coordinate } => {
-                let p = &model.placed.joints[joint];
+                let p = &model.zero_position().joints[joint];
                 let (mut position, mut velocity) = (0, 0);
                 for (i, motion) in p.shape.motions.iter().enumerate() {
                     if position + motion.coordinates() > coordinate {
@@ -126,17 +126,23 @@ impl Target {
                             break;
                         }
                         if let Some(&link) = p.links.as_ref().and_then(|links| links.get(i)) {
-                            let l = &model.placed.links[link];
+                            let l = &model.zero_position().links[link];
                             return Self::new(model, &Goal::Own { q: l.q }, name);
                         }
                         let turn = matches!(motion, Motion::Turn(_));
                         let wraps = turn && !model.is_planar();
-                        let sides = [p.parent, p.child].map(|n| ancestors(model, model.placed.link_of(n)));
+                        let sides = [p.parent, p.child].map(|n| ancestors(model, model.zero_position().link_of(n)));
                         // joints that carry both sides do not change it
                         let between = velocities(model, sides[0].symmetric_difference(&sides[1]).copied());
                         let source = Source::Joint { joint, position, velocity, wraps };
-                        let displacement = if turn { 1.0 } else { model.placed.length };
-                        return Ok(named(source, displacement, unit(turn), between, model.part_of_joint(joint)));
+                        let displacement = if turn { 1.0 } else { model.length() };
+                        return Ok(named(
+                            source,
+                            displacement,
+                            unit(turn),
+                            between,
+                            model.equations().part_of_joint(joint),
+                        ));
                     }
                     position += motion.coordinates();
                     velocity += motion.velocities();
@@ -144,16 +150,16 @@ impl Target {
                 Err(refuse())
             }
             Goal::Point { body, point, axis } => {
-                let links = ancestors(model, model.placed.bodies[body].link);
+                let links = ancestors(model, model.zero_position().bodies[body].link);
                 let source = Source::Point { body, point: Vec3(point), axis };
                 let own = velocities(model, links.into_iter());
-                Ok(named(source, model.placed.length, "m", own, model.part_of_body(body)))
+                Ok(named(source, model.length(), "m", own, model.equations().part_of_body(body)))
             }
             Goal::Turn { body, reference, axis } => {
-                let links = ancestors(model, model.placed.bodies[body].link);
+                let links = ancestors(model, model.zero_position().bodies[body].link);
                 let reference = Mat3(std::array::from_fn(|i| std::array::from_fn(|j| reference[3 * i + j])));
                 let own = velocities(model, links.into_iter());
-                Ok(named(Source::Turn { body, reference, axis }, 1.0, "rad", own, model.part_of_body(body)))
+                Ok(named(Source::Turn { body, reference, axis }, 1.0, "rad", own, model.equations().part_of_body(body)))
             }
         }
     }
@@ -205,7 +211,7 @@ impl Target {
         match &self.source {
             Source::Own { q: i, .. } => q[*i],
             Source::Joint { joint, position, wraps, .. } => {
-                model.look_at(&self.part, q, rest, s);
+                model.equations().look_at(&self.part, q, rest, s.equations());
                 let x = model.joint_state(*joint, q, rest, s).position[*position];
                 if *wraps {
                     x + ((near[0] - x) / TAU).round() * TAU
@@ -214,12 +220,12 @@ impl Target {
                 }
             }
             Source::Point { body, point, axis } => {
-                model.look_at(&self.part, q, rest, s);
+                model.equations().look_at(&self.part, q, rest, s.equations());
                 let b = model.body_state(*body, s);
                 (b.position + b.rotation.apply(*point)).0[*axis]
             }
             Source::Turn { body, reference, axis } => {
-                model.look_at(&self.part, q, rest, s);
+                model.equations().look_at(&self.part, q, rest, s.equations());
                 rotation_vector(reference, &model.body_state(*body, s).rotation, near).0[*axis]
             }
         }
@@ -238,7 +244,7 @@ impl Target {
     ) {
         match &self.source {
             Source::Turn { body, reference, axis } => {
-                model.look_at(&self.part, q, v, s);
+                model.equations().look_at(&self.part, q, v, s.equations());
                 let rotation = model.body_state(*body, s).rotation;
                 let turn = rotation_vector(reference, &rotation, near);
                 self.columns(model, q, v, s, |columns| put(turning(turn, rotation.apply_transposed(columns)).0[*axis]));
@@ -255,7 +261,7 @@ impl Target {
             Source::Joint { joint, velocity, .. } => {
                 for &i in &self.velocities {
                     v[i] = 1.0;
-                    model.look_at(&self.part, q, v, s);
+                    model.equations().look_at(&self.part, q, v, s.equations());
                     put(model.joint_state(*joint, q, v, s).velocity[*velocity]);
                     v[i] = 0.0;
                 }
@@ -270,7 +276,7 @@ impl Target {
     fn columns(&self, model: &Model, q: &[f64], v: &mut [f64], s: &mut ModelScratch, mut put: impl FnMut(Vec3<f64>)) {
         for &i in &self.velocities {
             v[i] = 1.0;
-            model.look_at(&self.part, q, v, s);
+            model.equations().look_at(&self.part, q, v, s.equations());
             v[i] = 0.0;
             match &self.source {
                 Source::Point { body, point, .. } => {
@@ -305,18 +311,18 @@ impl Target {
         match &self.source {
             Source::Own { v: i, .. } => vdot[*i],
             Source::Joint { .. } => {
-                model.look_at(&self.part, q, v, s);
+                model.equations().look_at(&self.part, q, v, s.equations());
                 dof.as_mut().map_or(f64::NAN, |dof| dof.acceleration(model, vdot, s))
             }
             Source::Point { body, point, axis } => {
-                model.look_at(&self.part, q, v, s);
+                model.equations().look_at(&self.part, q, v, s.equations());
                 let [acceleration, alpha] = model.body_acceleration(*body, &self.part, vdot, s);
                 let b = model.body_state(*body, s);
                 let (arm, omega) = (b.rotation.apply(*point), b.angular_velocity);
                 (acceleration + alpha.cross(arm) + omega.cross(omega.cross(arm))).0[*axis]
             }
             Source::Turn { body, axis, .. } => {
-                model.look_at(&self.part, q, v, s);
+                model.equations().look_at(&self.part, q, v, s.equations());
                 model.body_acceleration(*body, &self.part, vdot, s)[1].0[*axis]
             }
         }

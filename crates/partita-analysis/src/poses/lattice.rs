@@ -84,7 +84,7 @@ impl<'m> Lattice<'m> {
             && start.free.iter().all(|free| *free)
             && start.is_watched()
             && model.size().nv <= WATCHED
-            && !model.calls_functions();
+            && !model.equations().calls_functions();
         let evaluator = fits.then(|| model.over::<Lanes>().ok()).flatten()?;
         let held: Vec<usize> = own.iter().map(|own| own.1).collect();
         let plan = Arc::new(model.adjacent_closing(t, &start.q, &held).ok()??);
@@ -334,7 +334,7 @@ impl<'l, 'm> LastSteps<'l, 'm> {
         }
         let mut travel = Lanes::zero();
         for (v, dv) in self.dv.iter().enumerate() {
-            travel = travel.max(dv.abs() / Lanes::from_f64(model.characteristic_displacement(v)));
+            travel = travel.max(dv.abs() / Lanes::from_f64(model.structure().displacement(v)));
         }
         e.step(&mut self.q, &self.dv);
         e.normalise(&mut self.q);

@@ -76,7 +76,7 @@ pub fn many(
     }
     let count = values.len() / width;
     let widths = [model.size().nq, width, RESULT];
-    let chunk = if model.calls_functions() { usize::MAX } else { 1 };
+    let chunk = if model.equations().calls_functions() { usize::MAX } else { 1 };
     let start = Continuation::new(model, targets, t).start(q)?;
     for (i, &value) in values.iter().enumerate() {
         let (x, here) = (&targets[i % width], start.y[i % width]);
@@ -162,7 +162,7 @@ fn by_following(
     let widths = [model.size().nq, width, RESULT];
     let of = |i: usize| &values[i * width..][..width];
     let lattice = Lattice::new(model, t, targets, start).map(|x| x.with_stations(values)).transpose()?;
-    let chunk = if model.calls_functions() { usize::MAX } else { LastSteps::BATCH };
+    let chunk = if model.equations().calls_functions() { usize::MAX } else { LastSteps::BATCH };
     let row = |i: usize, memory: &mut Numeric, rows: &mut Rows| {
         let place = i % LastSteps::BATCH;
         if place == 0 {

@@ -29,5 +29,5 @@ pub(super) fn loop_of(model: &Model, i: usize) -> String {
     if i >= model.pattern().rows {
         return "the mechanism".into();
     }
-    format!("{} closed by {}", messages::loop_of(model, i), model.row_owner(i))
+    format!("{} closed by {}", messages::loop_of(model, i), model.structure().rows[i].owner)
 }

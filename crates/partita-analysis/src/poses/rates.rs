@@ -32,7 +32,12 @@ fn asked(model: &Model, q: &[f64], own: &[(usize, f64)], others: &[(Target, f64)
     let of_own = own.iter().map(|&(i, rate)| {
         let mut row = vec![0.0; n];
         row[i] = 1.0;
-        RequestedRate { name: model.velocity_name(i), row, displacement: model.characteristic_displacement(i), rate }
+        RequestedRate {
+            name: model.structure().velocity_name(i),
+            row,
+            displacement: model.structure().displacement(i),
+            rate,
+        }
     });
     let mut all: Vec<RequestedRate> = of_own.collect();
     for (x, rate) in others {
@@ -75,16 +80,15 @@ pub fn with_rates(
     if rows.is_empty() {
         return Ok(v);
     }
-    let largest = |v: &[f64]| {
-        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / model.characteristic_displacement(i)))
-    };
+    let largest =
+        |v: &[f64]| v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / model.structure().displacement(i)));
     let given = largest(&v);
     let (n, mut s, mut memory) = (v.len(), model.scratch(), vec![0.0; v.len()]);
     let gradients: Vec<Vec<f64>> = rows.iter().map(|(x, _)| gradient(model, q, x, &mut memory, &mut s)).collect();
     // the response to an impulse along each of them: the projection of M^-1 g
     let mut moves: Vec<Vec<f64>> = Vec::with_capacity(rows.len());
     for ((x, _), g) in rows.iter().zip(&gradients) {
-        if model.lacks_mass() {
+        if model.structure().lacks_mass {
             // what takes no momentum to move can still be pushed
             let mut push = momentum(&mut r, t, q, near)?;
             push.iter_mut().zip(g).for_each(|(p, g)| *p += g);
@@ -133,7 +137,7 @@ pub fn with_rates(
     if (0..p).any(|i| speed(rows[i].0, miss(i)) > met * fastest) {
         let words: Vec<String> = (0..p)
             .map(|i| format!("{} = {}", rows[i].0.name, possible(rows[i].1, dense::dot(&gradients[i], &v))))
-            .chain(own.iter().map(|&(i, rate)| format!("{} = {rate}", model.velocity_name(i))))
+            .chain(own.iter().map(|&(i, rate)| format!("{} = {rate}", model.structure().velocities[i].name)))
             .collect();
         let message = format!(
             "the rates {} are incompatible: with the loops closed, the number of independent rates here is {}",
@@ -144,6 +148,6 @@ pub fn with_rates(
     }
     let of_rows = rows.iter().map(|(x, rate)| (x.name.clone(), *rate));
     let named: Vec<(String, f64)> =
-        of_rows.chain(own.iter().map(|&(i, rate)| (model.velocity_name(i), rate))).collect();
+        of_rows.chain(own.iter().map(|&(i, rate)| (model.structure().velocity_name(i), rate))).collect();
     unlocked(model, t, &named, asked.max(given), v)
 }

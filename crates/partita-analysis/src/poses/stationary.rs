@@ -182,7 +182,7 @@ fn folded(
 /// The coordinate of a joint that the velocity v moves fastest, in characteristic displacements, and its rate.
 fn fastest(model: &Model, q: &[f64], v: &[f64]) -> Option<(Target, f64)> {
     let (mut s, mut memory, mut best) = (model.scratch(), vec![0.0; v.len()], None);
-    for (joint, p) in model.placed.joints.iter().enumerate() {
+    for (joint, p) in model.zero_position().joints.iter().enumerate() {
         let mut coordinate = 0;
         for motion in &p.shape.motions {
             let goal = Goal::Joint { joint, coordinate };

@@ -17,7 +17,7 @@ fn closed(m: &Model) -> Vec<f64> {
 fn all_goals(m: &Model) -> Vec<Target> {
     let mut goals = Vec::new();
     for joint in 0..m.spec.joints.len() {
-        let count: usize = m.placed.joints[joint].shape.motions.iter().map(|x| x.coordinates()).sum();
+        let count: usize = m.shape(joint).motions.iter().map(|x| x.coordinates()).sum();
         goals.extend((0..count).map(|coordinate| Goal::Joint { joint, coordinate }));
     }
     let body = m.spec.bodies.len() - 1;

@@ -84,7 +84,7 @@ pub(super) fn redundancy(found: &Mobility, replacements: &[Remedy]) -> String {
 pub(super) fn floating(model: &Model) -> Vec<String> {
     let nodes = model.spec.bodies.len() + 1;
     let mut neighbours = vec![Vec::new(); nodes];
-    for p in &model.placed.joints {
+    for p in &model.zero_position().joints {
         neighbours[p.parent].push(p.child);
         neighbours[p.child].push(p.parent);
     }

@@ -15,6 +15,7 @@ use partita_system::error::six_digits;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::record::{Output, Sample};
+use partita_system::system::Levels;
 use partita_system::SystemError;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -133,7 +134,9 @@ impl Balance for Model {
     runs_compiled_here!();
 
     fn residual(&self, at: &Sample, scratch: &mut Self::Scratch) -> Result<Option<f64>, SystemError> {
-        self.residual_of(self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, scratch).map(Some)
+        self.equations()
+            .residual_of(self.whole(), at.t, &at.q, &at.v, &at.vdot, &at.multipliers, scratch.equations())
+            .map(Some)
     }
 
     fn energies(&self, at: &[&Output], scratch: &mut Self::Scratch) -> Result<Option<Vec<(f64, f64)>>, SystemError> {
@@ -141,7 +144,7 @@ impl Balance for Model {
         let one = |x: &&Output| {
             q.clear();
             q.extend(x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)));
-            self.look(&q, &x.v, scratch);
+            self.equations().look(&q, &x.v, scratch.equations());
             self.energy(x.t, &q, &x.v, scratch)
         };
         at.iter().map(one).collect::<Result<_, _>>().map(Some)
@@ -197,7 +200,10 @@ impl<E: Equations> Balance for UserSystem<E> {
 
     fn agree(&self, t: f64, q: &[f64], v: &[f64]) -> Result<(), SystemError> {
         match self.is_checked() {
-            true => derivatives::check(&self.equations, t, q, v, self.lengths()),
+            true => {
+                let lengths: Vec<f64> = self.structure().displacements().collect();
+                derivatives::check(&self.equations, t, q, v, &lengths)
+            }
             false => Ok(()),
         }
     }

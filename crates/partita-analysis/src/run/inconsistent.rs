@@ -31,7 +31,7 @@ pub(super) fn see<S: ConstrainedSystem>(
     there: bool,
 ) -> Result<StartViolations, AnalysisError> {
     let system = r.system.clone();
-    let weighs = !system.lacks_mass(); // where all moving bodies have mass, masses do not matter
+    let weighs = !system.structure().lacks_mass; // where all moving bodies have mass, masses do not matter
     if !there {
         r.position(t, q)?;
     }
@@ -46,7 +46,7 @@ pub(super) fn see<S: ConstrainedSystem>(
             message: format!(
                 "the initial state violates the constraints: {} has a closure error of {}; start from the state \
                  that assemble() returns",
-                system.row_name(row),
+                system.structure().rows[row].name,
                 formatted(r.phi[row].abs())
             ),
         });
@@ -54,7 +54,11 @@ pub(super) fn see<S: ConstrainedSystem>(
     let (closure_error, row) = r.closure_error();
     let mut findings = Vec::new();
     if closure_error > tolerance::OPEN_ROUNDINGS {
-        findings.push(format!("{} has a closure error of {}", system.row_name(row), formatted(r.phi[row].abs())));
+        findings.push(format!(
+            "{} has a closure error of {}",
+            system.structure().rows[row].name,
+            formatted(r.phi[row].abs())
+        ));
     }
     let pattern = system.pattern();
     let residuals = velocity_residuals(pattern, &r.c, v, &r.a);
@@ -63,14 +67,18 @@ pub(super) fn see<S: ConstrainedSystem>(
         let (mut sum, mut arm) = (r.a[i].abs(), 0.0f64);
         for e in pattern.row(i) {
             sum += (r.c[e] * v[pattern.col_idx[e]]).abs();
-            arm = arm.max(r.c[e].abs() * system.characteristic_displacement(pattern.col_idx[e]));
+            arm = arm.max(r.c[e].abs() * system.structure().displacement(pattern.col_idx[e]));
         }
         if x.abs() > tolerance::RATES_MET * sum && x.abs() > tolerance::STANDING * arm && x.abs() / sum > worst.0 {
             worst = (x.abs() / sum, i, x.abs());
         }
     }
     if worst.0 > 0.0 {
-        findings.push(format!("{} has a rate error of {} per second", system.row_name(worst.1), formatted(worst.2)));
+        findings.push(format!(
+            "{} has a rate error of {} per second",
+            system.structure().rows[worst.1].name,
+            formatted(worst.2)
+        ));
     }
     Ok(StartViolations { findings, violated: closure_error > tolerance::OPEN_ROUNDINGS })
 }
@@ -120,7 +128,7 @@ pub(super) fn note<S: ConstrainedSystem>(
     let moved = match first {
         None => "an output at the start shows the correction".into(),
         Some((closed, rates)) => {
-            let names = (0..v.len()).map(|i| system.velocity_name(i));
+            let names = (0..v.len()).map(|i| system.structure().velocity_name(i));
             let by = largest(names.zip(v.iter().zip(rates).map(|(x, y)| (y - x).abs())));
             let far = q.iter().zip(closed).fold(0.0, |m: f64, (x, y)| m.max((y - x).abs()));
             let position = match violated {

@@ -56,9 +56,22 @@ pub trait Motions: ConstrainedSystem {
     /// # Errors
     /// See [`SolutionLog::describe`].
     fn assessed(&self, log: &SolutionLog, shared: bool, watch: Watch) -> Result<Assessed, AnalysisError>;
+
+    /// Names of the bodies that move at these velocities, where there are bodies.
+    fn bodies_moved(&self, _q: &[f64], _v: &[f64]) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Notes on a start with these velocities, or reasons to refuse it.
+    ///
+    /// # Errors
+    /// Velocities whose motion is not continued.
+    fn start_notes(&self, _q: &[f64], _v: &[f64]) -> Result<Vec<String>, SystemError> {
+        Ok(Vec::new())
+    }
 }
 
-/// The methods of [`Motions`], for the system of the `impl` in which they stand.
+/// The methods of [`Motions`] by generic code, for the system of the `impl` in which they stand.
 macro_rules! compiled_here {
     () => {
         fn formulation<'s>(
@@ -92,6 +105,14 @@ macro_rules! compiled_here {
 
 impl Motions for Model {
     compiled_here!();
+
+    fn bodies_moved(&self, q: &[f64], v: &[f64]) -> Vec<String> {
+        Model::bodies_moved(self, q, v)
+    }
+
+    fn start_notes(&self, q: &[f64], v: &[f64]) -> Result<Vec<String>, SystemError> {
+        Model::start_notes(self, q, v)
+    }
 }
 
 impl<E: Equations> Motions for UserSystem<E> {
@@ -174,7 +195,9 @@ impl<'s, S: Motions> ExaminedStart<'s, S> {
         let (t, q, v) = singular_start.as_ref().map_or(given, |x| (x.step.t, &x.step.q[..], &x.step.v[..]));
         consistency::check(&*system, &start, (t, q, v), longest)?;
         let seen = inconsistent::see(&mut probe, given, singular_start.is_none())?;
-        weight::refuse(&*system, t, q, start.rank)?;
+        if let Some((motion, moving)) = weight::words(&*system, t, q, start.rank)? {
+            return Err(SystemError::Unfelt { t, motion, bodies: system.bodies_moved(q, &moving) }.into());
+        }
         Ok(Self { start, singular_start, seen })
     }
 }
@@ -291,9 +314,9 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         if !found.dropped.is_empty() {
             notes.push(note_of_dropped(&*system, found));
         }
-        let driven = (0..system.size().rows).any(|i| system.row_is_drive(i));
+        let driven = (0..system.size().rows).any(|i| system.structure().rows[i].is_drive);
         let rigid = found.rank == system.size().nv && !driven;
-        if rigid && !system.rheonomic() {
+        if rigid && !system.structure().rheonomic {
             notes.push(CANNOT_MOVE.to_string());
         }
         let own = (&q[..], &v[..]);
@@ -322,7 +345,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
 
     /// Whether nothing ever moves.
     pub fn rests(&self) -> bool {
-        self.rigid && !self.system.rheonomic()
+        self.rigid && !self.system.structure().rheonomic
     }
 }
 
@@ -347,7 +370,7 @@ fn note_of_dropped<S: ConstrainedSystem>(system: &S, found: &Start) -> String {
         "{} loop-closure constraints are redundant and were removed by a rank decision ({}); the gap between kept and dropped \
          pivots is {:.1e}",
         found.dropped.len(),
-        some(&found.dropped, |&i| system.row_name(i)),
+        some(&found.dropped, |&i| system.structure().rows[i].name.to_string()),
         found.gap
     )
 }

@@ -86,8 +86,8 @@ fn indices<'n, S: ConstrainedSystem>(
     system: &S,
     names: impl Iterator<Item = &'n String>,
 ) -> Result<Vec<usize>, AnalysisError> {
-    let known: Vec<String> = (0..system.size().nv).map(|i| system.velocity_name(i)).collect();
-    let index: HashMap<&str, usize> = known.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
+    let known: Vec<&str> = system.structure().velocities.iter().map(|v| &*v.name).collect();
+    let index: HashMap<&str, usize> = known.iter().enumerate().map(|(i, name)| (*name, i)).collect();
     names
         .map(|name| {
             index.get(name.as_str()).copied().ok_or_else(|| AnalysisError::Unknown {

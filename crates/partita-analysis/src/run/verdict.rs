@@ -89,7 +89,7 @@ impl Limits {
         if let Some(limits) = self.acceleration {
             let gap = checks.acceleration;
             look(gap, limits, &|t| {
-                let row = system.row_description(gap.row);
+                let row = &system.structure().rows[gap.row].description;
                 let (part, limit) = (gap.part, limits.0);
                 format!(
                     "the acceleration of {row} is off by {part:.1e} of the largest one at t = {t} s; at most \
@@ -135,7 +135,7 @@ impl Limits {
                 "up to t = {t} s the motion follows a branch on which the loops hold the mechanism by errors of its \
                  drawing alone (dimensions off by {:.1e} were changed to fit, within the drawing tolerance): an exact \
                  drawing has more degrees of freedom there; give the dimensions more exactly",
-                system.drawing_errors().0
+                system.structure().drawing.errors.0
             )
         });
         Self::judge_branch(system, checks.nearest, found);
@@ -143,7 +143,7 @@ impl Limits {
 
     /// Where errors of the dimensions decide between branches.
     fn judge_branch<S: ConstrainedSystem>(system: &S, nearest: Gap, found: &mut Vec<Finding>) {
-        let removed = system.drawing_errors().0;
+        let removed = system.structure().drawing.errors.0;
         if removed * nearest.part > tolerance::BRANCH_BY_ERROR {
             let (t, distance) = (six_digits(nearest.t), nearest.part.recip().sqrt());
             let sentence = format!(
@@ -160,7 +160,7 @@ impl Limits {
     pub fn judge<S: ConstrainedSystem>(&self, system: &S, gaps: &Gaps, what: &str, found: &mut Vec<Finding>) {
         let mut look = |gap: Gap, (suspect, invalid): (f64, f64), kind: &str, of: &str| {
             if gap.part > suspect || gap.part.is_nan() {
-                let row = system.row_description(gap.row);
+                let row = &system.structure().rows[gap.row].description;
                 found.push(Finding {
                     invalid: gap.part > invalid || gap.part.is_nan(),
                     t: gap.t,
@@ -189,7 +189,7 @@ fn of_numbers(outputs: &[Output], found: &mut Vec<Finding>) {
 
 /// That errors of the dimensions smaller than may be there would decide between branches, or will where the run goes on.
 pub(super) fn note_of_nearness<S: ConstrainedSystem>(system: &S, checks: &StepChecks) -> Option<String> {
-    let ((removed, possible), nearest) = (system.drawing_errors(), checks.nearest.worse(checks.near_end));
+    let ((removed, possible), nearest) = (system.structure().drawing.errors, checks.nearest.worse(checks.near_end));
     let decides = |near: Gap| removed * near.part > tolerance::BRANCH_BY_ERROR;
     let counts = possible * nearest.part > 1.0 || decides(nearest);
     (counts && !decides(checks.nearest)).then(|| {

@@ -8,6 +8,7 @@ use partita_math::factor;
 use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
 use partita_model::Model;
+use partita_system::prelude::*;
 
 /// Orthonormal self-stresses at one position: a basis of all that can be added to the reactions there.
 #[derive(Clone, Debug, Default)]
@@ -32,8 +33,8 @@ pub struct SelfStresses {
 /// # Errors
 /// Where the mechanism cannot be compiled in space or has no rank.
 pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, AnalysisError> {
-    let (nj, nd) = (model.placed.joints.len(), model.drives.len());
-    let none = SelfStresses { length: model.placed.length, ..SelfStresses::default() };
+    let (nj, nd) = (model.spec.joints.len(), model.drives().len());
+    let none = SelfStresses { length: model.length(), ..SelfStresses::default() };
     with_rule(model, Some((t, q)), |rule| {
         let Some(Rule { twin, sharing, .. }) = rule else { return Ok(none) };
         let q = lifted(model, twin, q);
@@ -42,7 +43,7 @@ pub fn self_stresses(model: &Model, t: f64, q: &[f64]) -> Result<SelfStresses, A
         if !sharing.rows(&q, &mut memory) {
             return Ok(none);
         }
-        twin.look(&q, &vec![0.0; twin.placed.nv], &mut memory.model);
+        twin.equations().look(&q, &vec![0.0; twin.size().nv], memory.model.equations());
         let SharingScratch { rows, stresses, .. } = &memory;
         // every component has a column here, loaded or not
         let (components, of_column) = (6 * rows.joints.len(), rows.components());

@@ -20,7 +20,7 @@ fn as_of_a_force(length: f64, i: usize, c: f64) -> f64 {
 /// The least of the compliances given, if any is.
 pub(super) fn least_compliance(model: &Model) -> Option<f64> {
     let given = model.spec.joints.iter().flat_map(|j| j.compliance.iter().flat_map(|c| c.iter().enumerate()));
-    let as_force = given.filter(|(_, &c)| c > 0.0).map(|(i, &c)| as_of_a_force(model.placed.length, i, c));
+    let as_force = given.filter(|(_, &c)| c > 0.0).map(|(i, &c)| as_of_a_force(model.length(), i, c));
     as_force.min_by(f64::total_cmp)
 }
 
@@ -37,7 +37,7 @@ pub(super) struct Metric {
 
 impl Metric {
     pub(super) fn new(model: &Model) -> Self {
-        let length = model.placed.length;
+        let length = model.length();
         let joints = &model.spec.joints;
         let plain = |x: f64| [x, x, x, x / length, x / length, x / length];
         let Some(least) = least_compliance(model) else {

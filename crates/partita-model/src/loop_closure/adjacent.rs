@@ -93,7 +93,7 @@ impl AdjacentClosing {
         }
         e.closings(t, q, &mut memory.scratch, &mut memory.phi, &mut memory.c, &mut memory.a)?;
         for (row, phi) in memory.phi.iter().enumerate() {
-            let error = phi.abs() / S::from_f64(model.row_displacement(row).unwrap_or(1.0));
+            let error = phi.abs() / S::from_f64(model.structure().rows[row].size());
             found.closure_error = found.closure_error.max(error);
         }
         Ok(found)

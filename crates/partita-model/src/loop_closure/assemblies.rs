@@ -6,7 +6,6 @@ use crate::model::Model;
 use partita_math::tolerance;
 use partita_system::closing::Closing;
 use partita_system::prelude::*;
-use partita_system::system::InverseKinematics;
 use partita_system::{SystemError, SystemRef};
 
 /// Maximum number of combinations of branches that are examined.
@@ -73,24 +72,7 @@ impl<'m> LoopClosing<'m> {
 
     /// Largest |Φ| in characteristic displacements at the last [`residual`](Self::residual).
     fn closure_error(&self) -> f64 {
-        self.phi
-            .iter()
-            .enumerate()
-            .fold(0.0, |m: f64, (i, x)| m.max(x.abs() / self.model.row_displacement(i).unwrap_or(1.0)))
-    }
-}
-
-impl InverseKinematics for Model {
-    fn closing<'s>(
-        system: SystemRef<'s, Self>,
-        t: f64,
-        q: &[f64],
-        inputs: Option<&[usize]>,
-    ) -> Result<Box<dyn Closing + Send + 's>, SystemError>
-    where
-        Self: 's,
-    {
-        Ok(Box::new(LoopClosing::of(system, t, q, inputs)?))
+        self.phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() / self.model.structure().rows[i].size()))
     }
 }
 
@@ -106,7 +88,7 @@ impl Model {
 
     /// Conditions on rates alone do not determine positions.
     fn refuse_rates(&self) -> Result<(), SystemError> {
-        match self.full.conditions.iter().find(|c| !c.holonomic) {
+        match self.own.full.conditions.iter().find(|c| !c.holonomic) {
             None => Ok(()),
             Some(c) => {
                 let message = format!(
@@ -189,7 +171,7 @@ impl Model {
             if i >= self.size().nq || !value.is_finite() {
                 return None;
             }
-            inputs.push(self.velocity_of_coordinate(i)?);
+            inputs.push(self.structure().coordinates[i].velocity?);
         }
         let mut closing = self.loop_closing(t, q, Some(&inputs)).ok()?;
         if !closing.is_explicit() {
@@ -198,7 +180,7 @@ impl Model {
         let far = targets
             .iter()
             .zip(&inputs)
-            .fold(0.0, |m: f64, (&(i, value), &v)| m.max((value - q[i]).abs() / self.characteristic_displacement(v)));
+            .fold(0.0, |m: f64, (&(i, value), &v)| m.max((value - q[i]).abs() / self.structure().displacement(v)));
         let strides = (far / tolerance::STRIDE).ceil().max(1.0);
         if far > tolerance::FARTHEST {
             return None;

@@ -67,7 +67,7 @@ impl LoopClosing<'_> {
                     let d = self.pose.x[i] - q[at];
                     (d - (d / TAU).round() * TAU).abs()
                 }
-                Kind::Slide => (self.pose.x[i] - q[at]).abs() / self.model.placed.length,
+                Kind::Slide => (self.pose.x[i] - q[at]).abs() / self.model.own.placed.length,
                 Kind::Ball => {
                     let r = Quaternion([q[at], q[at + 1], q[at + 2], q[at + 3]]).normalised().matrix();
                     (0..9).fold(0.0, |m: f64, c| m.max((self.pose.balls[i].0[c / 3][c % 3] - r.0[c / 3][c % 3]).abs()))
@@ -142,9 +142,9 @@ impl LoopClosing<'_> {
         }
         match &self.steps[i].work {
             Work::Drive(d, edge) => {
-                let drive = &self.model.drives[*d];
-                let memory = &mut self.scratch.memory;
-                let [p, _, _] = value::motion_at(&drive.motion, &self.model.callers, t, &drive.name, memory)?;
+                let drive = &self.model.own.drives[*d];
+                let memory = &mut self.scratch.equations().memory;
+                let [p, _, _] = value::motion_at(&drive.motion, &self.model.own.callers, t, &drive.name, memory)?;
                 self.pose.x[*edge] = p;
                 if let Some((i, _)) = drive.tree {
                     q[i] = p;
@@ -152,7 +152,7 @@ impl LoopClosing<'_> {
                 return Ok(());
             }
             Work::Law(law) => {
-                let x = law.value(&self.model, q)?;
+                let x = law.value(&self.model.own, q)?;
                 if !x.is_finite() {
                     return Err(SystemError::NotFinite { what: self.steps[i].words.clone(), t });
                 }
@@ -217,7 +217,7 @@ impl LoopClosing<'_> {
 
     /// Whether a coupling counts whole turns.
     fn counts(&self) -> bool {
-        !self.model.full.conditions.is_empty()
+        !self.model.own.full.conditions.is_empty()
     }
 
     /// The closed form of step i for the coordinates known so far.
@@ -249,7 +249,7 @@ impl LoopClosing<'_> {
     /// In the plane a joint that locks a rotation locks it with its whole turns: the turns that the nearest angles miss
     /// are added to the angle that has moved the most. True if q changed.
     fn whole_turns(&self, q: &mut [f64]) -> Result<bool, SystemError> {
-        let Engine::Planar(tree) = &self.model.engine else { return Ok(false) };
+        let Engine::Planar(tree) = &self.model.own.engine else { return Ok(false) };
         if !self.locks_turns {
             return Ok(false);
         }

@@ -111,7 +111,7 @@ pub(super) struct Graph {
 
 impl Graph {
     pub fn new(model: &Model) -> Self {
-        let placed = &model.placed;
+        let placed = &model.own.placed;
         let mut graph = Self { nodes: placed.links.len(), edges: Vec::new() };
         let mut joint_of = vec![None; placed.links.len()];
         for (j, p) in placed.joints.iter().enumerate() {
@@ -143,7 +143,7 @@ impl Graph {
 
     /// The motions of a cut joint one after the other, with massless nodes between them.
     fn add_cut(&mut self, model: &Model, j: usize) {
-        let placed = &model.placed;
+        let placed = &model.own.placed;
         let p = &placed.joints[j];
         let (first, last) = (placed.link_of(p.parent), placed.link_of(p.child));
         let rest = p.on_parent.mul(&p.on_child.transpose());

@@ -132,17 +132,15 @@ impl Implicit {
         let n = self.rows.len();
         out.fill(S::zero());
         for &(i, j, e) in &self.entries {
-            let (displacement, size) = (
-                model.characteristic_displacement(self.unknown[j]),
-                model.row_displacement(self.rows[i]).unwrap_or(1.0),
-            );
+            let (displacement, size) =
+                (model.structure().displacement(self.unknown[j]), model.structure().rows[self.rows[i]].size());
             out[i * n + j] = c[e].scale(displacement) / S::from_f64(size);
         }
     }
 
     /// Matrix and right-hand side of one step: of Newton's method, or of Gauss' where rows are dependent.
     fn equations<S: Scalar>(&self, model: &Model, c: &[S], phi: &[S], matrix: &mut [S], x: &mut [S]) {
-        let size = |row: usize| S::from_f64(model.row_displacement(row).unwrap_or(1.0));
+        let size = |row: usize| S::from_f64(model.structure().rows[row].size());
         if self.closed.len() == self.rows.len() {
             self.jacobian(model, c, matrix);
             for (x, &r) in x.iter_mut().zip(&self.rows) {
@@ -156,7 +154,7 @@ impl Implicit {
         for row in self.entries.chunk_by(|a, b| a.0 == b.0) {
             let r = self.closed[row[0].0];
             let entry = |&(_, j, e): &(usize, usize, usize)| {
-                c[e].scale(model.characteristic_displacement(self.unknown[j])) / size(r)
+                c[e].scale(model.structure().displacement(self.unknown[j])) / size(r)
             };
             for one in row {
                 let value = entry(one);
@@ -202,7 +200,7 @@ impl Implicit {
         let determinant = lu_determinant(jacobian, n, &self.pivots);
         memory.dv.fill(S::zero());
         for (x, &u) in x.iter().zip(&self.unknown) {
-            memory.dv[u] = x.scale(model.characteristic_displacement(u));
+            memory.dv[u] = x.scale(model.structure().displacement(u));
         }
         e.step(q, &memory.dv);
         e.normalise(q);
@@ -257,7 +255,7 @@ impl Residuals for Rows<'_, '_> {
     fn evaluate(&mut self, q: &[f64]) -> Result<(), SystemError> {
         let f = &mut *self.f;
         f.model.position(self.t, q, f.scratch, f.phi, f.c, f.a)?;
-        let size = |row: usize| f.model.row_displacement(row).unwrap_or(1.0);
+        let size = |row: usize| f.model.structure().rows[row].size();
         self.closure_error = ClosureError::of(self.block.closed.iter().map(|&r| f.phi[r] / size(r)));
         match self.closure_error.worst.is_finite() {
             true => Ok(()),
@@ -292,7 +290,7 @@ impl Linearization for Rows<'_, '_> {
         let f = &mut *self.f;
         f.dv.fill(0.0);
         for (x, &u) in f.memory.x.iter().zip(&self.block.unknown) {
-            f.dv[u] = x * f.model.characteristic_displacement(u);
+            f.dv[u] = x * f.model.structure().displacement(u);
         }
         f.model.step(q, f.dv);
         f.model.normalise(q);

@@ -41,7 +41,7 @@ fn candidates(model: &Model, graph: &Graph) -> Vec<usize> {
     let mut found: Vec<Candidate> = Vec::new();
     for e in graph.edges.iter().filter(|e| e.in_tree()) {
         for v in e.velocities() {
-            if model.drives.iter().any(|d| d.velocity() == Some(v)) {
+            if model.own.drives.iter().any(|d| d.velocity() == Some(v)) {
                 continue;
             }
             let kind = u8::from(e.kind == Kind::Ball);

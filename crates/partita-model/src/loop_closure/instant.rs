@@ -36,14 +36,14 @@ impl<'m> Instant<'m> {
         let mut c = vec![0.0; model.pattern().nnz()];
         model.position(t, q, &mut model.scratch(), &mut phi, &mut c, &mut a)?;
         for (i, x) in phi.iter().enumerate() {
-            let closure_error = x.abs() / model.row_displacement(i).unwrap_or(1.0);
+            let closure_error = x.abs() / model.structure().rows[i].size();
             if !closure_error.is_finite() {
-                return Err(SystemError::NotFinite { what: model.row_description(i), t });
+                return Err(SystemError::NotFinite { what: model.structure().rows[i].description.to_string(), t });
             }
             if closure_error > tolerance::OPEN {
                 let message = format!(
                     "{} has a closure error of {}: explicit closing starts from a closed position; assemble first",
-                    model.row_description(i),
+                    model.structure().rows[i].description,
                     partita_math::formatted(x.abs())
                 );
                 return Err(SystemError::argument("q", message));
@@ -61,11 +61,11 @@ impl<'m> Instant<'m> {
         let scale: Vec<f64> = within
             .iter()
             .enumerate()
-            .map(|(v, &w)| if w { self.model.characteristic_displacement(v) } else { 0.0 })
+            .map(|(v, &w)| if w { self.model.structure().displacement(v) } else { 0.0 })
             .collect();
         let mut c = self.c.clone();
         for i in 0..self.pattern().rows {
-            let size = self.model.row_displacement(i).unwrap_or(1.0);
+            let size = self.model.structure().rows[i].size();
             let sum: f64 =
                 self.pattern().row(i).map(|e| (c[e] * scale[self.pattern().col_idx[e]] / size).powi(2)).sum();
             if sum < tolerance::REDUNDANT {
@@ -84,11 +84,11 @@ impl<'m> Instant<'m> {
         candidates.iter().enumerate().for_each(|(i, &v)| place[v] = i);
         let mut entries: Vec<Vec<(usize, f64)>> = vec![Vec::new(); candidates.len()];
         for (i, &r) in rows.iter().enumerate() {
-            let size = self.model.row_displacement(r).unwrap_or(1.0);
+            let size = self.model.structure().rows[r].size();
             for e in self.pattern().row(r) {
                 let v = self.pattern().col_idx[e];
                 if within[v] {
-                    entries[place[v]].push((i, self.c[e] * self.model.characteristic_displacement(v) / size));
+                    entries[place[v]].push((i, self.c[e] * self.model.structure().displacement(v) / size));
                 }
             }
         }
@@ -107,10 +107,10 @@ impl<'m> Instant<'m> {
         let n = self.model.size().nv;
         let natural = |r: usize| {
             let mut row = vec![0.0; n];
-            let size = self.model.row_displacement(r).unwrap_or(1.0);
+            let size = self.model.structure().rows[r].size();
             for e in self.pattern().row(r) {
                 let v = self.pattern().col_idx[e];
-                row[v] = self.c[e] * self.model.characteristic_displacement(v) / size;
+                row[v] = self.c[e] * self.model.structure().displacement(v) / size;
             }
             row
         };

@@ -49,7 +49,7 @@ impl TreeLaw {
     pub fn all(model: &Model, graph: &Graph) -> Vec<Self> {
         let edge_of = |at: usize| graph.edges.iter().position(|e| matches!(e.home, Home::Tree { q, .. } if q == at));
         let mut found = Vec::new();
-        for (condition, c) in model.full.conditions.iter().enumerate() {
+        for (condition, c) in model.own.full.conditions.iter().enumerate() {
             let Says::Law(law, readings) = &c.says else { continue };
             let coordinate = |quantity: &Quantity<_>| match quantity {
                 Quantity::Coordinate { q, v } => Some((*q, *v)),
@@ -60,7 +60,7 @@ impl TreeLaw {
             };
             let weight: Vec<f64> = match law {
                 Law::Linear { factors, .. } => {
-                    factors.iter().zip(&at).map(|(f, x)| f.abs() * model.characteristic_displacement(x.1)).collect()
+                    factors.iter().zip(&at).map(|(f, x)| f.abs() * model.structure().displacement(x.1)).collect()
                 }
                 Law::Curve { .. } => vec![1.0, 0.0],
                 Law::Motion { .. } | Law::Rate(_) | Law::Function(_) => continue,
@@ -120,6 +120,6 @@ impl SolvedLaw {
 
     /// In the terms of the description.
     pub fn words(&self, model: &Model) -> String {
-        model.full.conditions[self.condition].owner.words(&model.spec)
+        model.own.full.conditions[self.condition].owner.words(&model.spec)
     }
 }

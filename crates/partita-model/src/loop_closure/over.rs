@@ -65,7 +65,7 @@ impl LoopClosing<'_> {
         q: &mut [S],
         memory: &mut ClosingScratch<S>,
     ) -> Result<S, SystemError> {
-        if !Arc::ptr_eq(&e.placed, &self.model.placed) {
+        if !Arc::ptr_eq(&e.placed, &self.model.own.placed) {
             let message = "the evaluator and the closing belong to different models; create both from one model";
             return Err(SystemError::argument("evaluator", message.into()));
         }

@@ -36,7 +36,8 @@ pub(super) struct Task {
 impl Task {
     pub fn new(model: &Model, graph: &Graph, inputs: &[usize]) -> Self {
         let is_input = |v: usize| inputs.binary_search(&v).is_ok();
-        let driven = |e: &Edge| model.drives.iter().filter_map(DriveRow::velocity).any(|v| e.velocities().contains(&v));
+        let driven =
+            |e: &Edge| model.own.drives.iter().filter_map(DriveRow::velocity).any(|v| e.velocities().contains(&v));
         let given = graph.edges.iter().map(|e| e.in_tree() && (e.velocities().all(is_input) || driven(e))).collect();
         let ball_inputs = graph
             .edges
@@ -51,7 +52,7 @@ impl Task {
             })
             .collect();
         let edge_of = |v: usize| graph.edges.iter().position(|e| e.velocities().contains(&v)).unwrap_or(0);
-        let drives = model.drives.iter().enumerate();
+        let drives = model.own.drives.iter().enumerate();
         let drives = drives.filter_map(|(i, d)| Some((i, edge_of(d.velocity()?)))).collect();
         Self { given, ball_inputs, drives }
     }
@@ -62,10 +63,10 @@ impl<'m> LoopClosing<'m> {
     pub(super) fn new(at: &Instant<'m>, q: &[f64], inputs: &[usize]) -> Result<Self, SystemError> {
         let model = &*at.model;
         let size = model.size();
-        let names = || inputs.iter().map(|&i| model.velocity_name(i)).collect::<Vec<_>>().join(", ");
+        let names = || model.structure().names(inputs);
         let driven = |d: &&DriveRow| d.velocity().is_some_and(|v| inputs.binary_search(&v).is_ok());
-        if let Some((d, v)) = model.drives.iter().find(driven).and_then(|d| Some((d, d.velocity()?))) {
-            let name = model.velocity_name(v);
+        if let Some((d, v)) = model.own.drives.iter().find(driven).and_then(|d| Some((d, d.velocity()?))) {
+            let name = &model.structure().velocities[v].name;
             return Err(SystemError::argument(
                 "independent",
                 format!("{name} is driven by \"{}\": it cannot be an input; leave it out", d.name),
@@ -124,12 +125,12 @@ impl<'m> LoopClosing<'m> {
             entries: Vec::new(),
             given: Vec::new(),
             counted: Vec::new(),
-            locks_turns: match &model.engine {
+            locks_turns: match &model.own.engine {
                 Engine::Planar(tree) => tree.closings.iter().any(|k| !k.locks.is_empty()),
                 Engine::Full => false,
             },
-            tolerance: tolerance::CLOSED_IN_RUN * model.placed.size,
-            pose: Pose::new(&graph, &model.numbers),
+            tolerance: tolerance::CLOSED_IN_RUN * model.own.placed.size,
+            pose: Pose::new(&graph, &model.own.numbers),
             old: q.to_vec(),
             scratch: model.scratch(),
             phi: vec![0.0; size.holonomic],
@@ -149,7 +150,7 @@ impl<'m> LoopClosing<'m> {
     /// Coordinates of the cut joints, from the poses.
     fn read_cuts(&mut self, q: &[f64]) {
         let model = self.model.clone();
-        model.look(q, &self.dv, &mut self.scratch);
+        model.own.look(q, &self.dv, self.scratch.equations());
         let state_of = |j: usize| model.joint_state(j, q, &self.dv, &self.scratch).position;
         let mut last: Option<(usize, Vec<f64>)> = None;
         for i in 0..self.graph.edges.len() {
@@ -159,19 +160,19 @@ impl<'m> LoopClosing<'m> {
                 last = Some((j, state_of(j)));
             }
             let Some((_, position)) = &last else { continue };
-            let motions = &model.placed.joints[j].shape.motions;
+            let motions = &model.own.placed.joints[j].shape.motions;
             let first: usize = motions[..k.min(motions.len())].iter().map(joint::Motion::coordinates).sum();
             match (e.kind, motions.get(k)) {
                 (Kind::Ball, _) => {
                     // relative to the axes of the drawing; the edge needs the axes of the parent's node
                     let r = Quaternion([0, 1, 2, 3].map(|c| position[first + c])).matrix();
-                    let on = &model.placed.joints[j].on_parent;
+                    let on = &model.own.placed.joints[j].on_parent;
                     self.pose.balls[i] = on.mul(&r).mul(&on.transpose());
                 }
                 (Kind::Turn, Some(joint::Motion::Ball)) => {
                     // a ball in the plane is a pin
                     let r = Quaternion([0, 1, 2, 3].map(|c| position[first + c])).matrix();
-                    let on = &model.placed.joints[j].on_parent;
+                    let on = &model.own.placed.joints[j].on_parent;
                     self.pose.x[i] = super::arm::turn_of(&on.mul(&r).mul(&on.transpose()));
                 }
                 (Kind::Turn | Kind::Slide, Some(_)) => self.pose.x[i] = position[first],
@@ -185,7 +186,7 @@ impl<'m> LoopClosing<'m> {
         let model = self.model.clone();
         self.steps.clear();
         for &(d, edge) in &task.drives {
-            let words = format!("drive \"{}\"", model.drives[d].name);
+            let words = format!("drive \"{}\"", model.own.drives[d].name);
             self.push(Work::Drive(d, edge), words, vec![edge], 0);
         }
         let graph = self.graph.clone();
@@ -214,8 +215,7 @@ impl<'m> LoopClosing<'m> {
             let solved: Vec<usize> =
                 missing.into_iter().filter(|&e| graph.edges[e].velocities().any(|v| unknown.contains(&v))).collect();
             order.learned(&solved);
-            let names: Vec<String> = unknown.iter().map(|&v| model.velocity_name(v)).collect();
-            let words = format!("implicit block of {} ({})", unknown.len(), names.join(", "));
+            let words = format!("implicit block of {} ({})", unknown.len(), model.structure().names(&unknown));
             self.push(Work::Implicit(Implicit::new(at, rows, unknown, &others)), words, solved, 0);
         }
         let largest = self.steps.iter().map(|s| if let Work::Implicit(b) = &s.work { b.rows.len() } else { 0 });
@@ -299,7 +299,7 @@ impl<'m> LoopClosing<'m> {
             let d = self.pose.x[e] - x;
             apart = apart.max(match self.graph.edges[e].kind {
                 Kind::Turn => (d - (d / TAU).round() * TAU).abs(),
-                Kind::Slide => d.abs() / self.model.placed.length,
+                Kind::Slide => d.abs() / self.model.own.placed.length,
                 Kind::Ball => (0..9)
                     .fold(0.0, |m: f64, i| m.max((self.pose.balls[e].0[i / 3][i % 3] - ball.0[i / 3][i % 3]).abs())),
                 Kind::Rigid => 0.0,
@@ -332,7 +332,7 @@ impl<'m> LoopClosing<'m> {
                 Some(j) => format!("\"{}\"", self.model.spec.joints[j].name),
                 None => {
                     let v = self.graph.edges[e].velocities().start;
-                    format!("\"{}\"", self.model.velocity_name(v))
+                    format!("\"{}\"", self.model.structure().velocities[v].name)
                 }
             }
         };

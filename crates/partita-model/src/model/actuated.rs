@@ -60,11 +60,11 @@ impl Model {
     /// # Errors
     /// Functions that fail or return no number, times outside a table.
     pub fn prescribed(&self, row: usize, t: f64) -> Result<Option<[f64; 2]>, SystemError> {
-        let Some(drive) = self.drives.iter().find(|d| d.row == row) else { return Ok(None) };
+        let Some(drive) = self.own.drives.iter().find(|d| d.row == row) else { return Ok(None) };
         if self.spec.drives[drive.number].turning.is_some() {
             return Ok(None);
         }
-        let [x, rate, growth] = value::motion_at(&drive.motion, &self.callers, t, &drive.name, &mut Vec::new())?;
+        let [x, rate, growth] = value::motion_at(&drive.motion, &self.own.callers, t, &drive.name, &mut Vec::new())?;
         Ok(Some(match drive.level {
             Level::Position => [rate, growth],
             Level::Velocity => [x, rate],
@@ -73,7 +73,7 @@ impl Model {
 
     /// Its bodies with all joints open.
     pub fn freed(&self) -> Freed {
-        Freed::new(&self.spec, &self.placed)
+        Freed::new(&self.spec, &self.own.placed)
     }
 
     /// Whether the rows of drives are those of actuators, which constrain nothing.
@@ -89,11 +89,11 @@ impl Model {
                 silence(force, component);
             }
         }
-        let placed = (*self.placed).clone();
+        let placed = (*self.own.placed).clone();
         let numbers = Numbers::new(&spec, &placed);
         let rows = drives(&spec, &placed, compile::row_count(&placed))?;
         let mut made = Self::made(spec, placed, numbers, rows, self.functions(), self.coordinates)?;
-        made.geometry = self.geometry.clone();
+        made.decide(self.geometry.clone());
         Ok(made.with_recursion(self.preference))
     }
 }

@@ -9,44 +9,42 @@ use crate::spec::{Coupling, Measure, Spec};
 use crate::tree::{LinkMotion, Tree};
 use crate::zero_position::Placed;
 use partita_math::spatial::Space;
+use partita_system::system::structure::{Coordinate, Velocity};
 
 /// Least characteristic displacement of a closing row. Unit: size of the mechanism. Reason: its round-off is one of
 /// positions, which are as large as the mechanism, and must be small against
 /// [`CLOSED`](partita_math::tolerance::CLOSED) of a loop whose joints lie next to each other.
 const LEAST_DISPLACEMENT: f64 = 1e-3;
 
-/// Scales of coordinates and velocities from the links.
+/// Coordinates and velocities of the links: which belong to each other, and their sizes.
 pub(super) struct Links {
-    pub(super) velocity_of: Vec<Option<usize>>,
-    pub(super) coordinates_of: Vec<std::ops::Range<usize>>,
-    pub(super) turns: Vec<bool>,
-    pub(super) displacement: Vec<f64>,
+    pub(super) coordinates: Vec<Coordinate>,
+    pub(super) velocities: Vec<Velocity>,
+    /// Characteristic displacements of the coordinates.
     pub(super) q_displacement: Vec<f64>,
 }
 
 impl Links {
     pub(super) fn new(placed: &Placed) -> Self {
+        let velocity = |name: &String| Velocity { name: name.as_str().into(), coordinates: 0..0, displacement: 1.0 };
         let mut new = Self {
-            velocity_of: vec![None; placed.nq],
-            coordinates_of: vec![0..0; placed.nv],
-            turns: vec![false; placed.nq],
-            displacement: vec![1.0; placed.nv],
+            coordinates: vec![Coordinate { velocity: None, turns: false, repeats: false }; placed.nq],
+            velocities: placed.velocity_names.iter().map(velocity).collect(),
             q_displacement: vec![1.0; placed.nq],
         };
         for l in placed.links.iter().skip(1) {
+            if matches!(l.motion, Motion::Ball) {
+                new.velocities[l.v..l.v + 3].iter_mut().for_each(|v| v.coordinates = l.q..l.q + 4);
+                continue;
+            }
+            new.velocities[l.v].coordinates = l.q..l.q + 1;
+            new.coordinates[l.q].velocity = Some(l.v);
             match l.motion {
-                Motion::Ball => new.coordinates_of[l.v..l.v + 3].fill(l.q..l.q + 4),
-                Motion::Turn(_) => {
-                    new.coordinates_of[l.v] = l.q..l.q + 1;
-                    new.velocity_of[l.q] = Some(l.v);
-                    new.turns[l.q] = true;
-                }
                 Motion::Slide(_) => {
-                    new.velocity_of[l.q] = Some(l.v);
-                    new.coordinates_of[l.v] = l.q..l.q + 1;
-                    new.displacement[l.v] = placed.length;
+                    new.velocities[l.v].displacement = placed.length;
                     new.q_displacement[l.q] = placed.length;
                 }
+                _ => new.coordinates[l.q].turns = true,
             }
         }
         new

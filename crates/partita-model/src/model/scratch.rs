@@ -2,7 +2,6 @@
 
 use crate::clusters;
 use crate::evaluator::Scratch;
-use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Memory of the evaluations of a model.
@@ -43,16 +42,15 @@ impl Drop for ModelScratch {
 /// Why the memory of a scratch exists.
 const LENT: &str = "memory is given back when its scratch is dropped";
 
-impl Deref for ModelScratch {
-    type Target = Scratch<f64>;
-    fn deref(&self) -> &Scratch<f64> {
-        self.own.as_deref().expect(LENT)
-    }
-}
-
-impl DerefMut for ModelScratch {
-    fn deref_mut(&mut self) -> &mut Scratch<f64> {
+impl ModelScratch {
+    /// That of the equations.
+    pub fn equations(&mut self) -> &mut Scratch<f64> {
         self.own.as_deref_mut().expect(LENT)
+    }
+
+    /// That of the equations, as last evaluated.
+    pub fn evaluated(&self) -> &Scratch<f64> {
+        self.own.as_deref().expect(LENT)
     }
 }
 

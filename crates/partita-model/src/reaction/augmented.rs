@@ -32,13 +32,14 @@ impl Model {
         lambda: &[f64],
         s: &mut ModelScratch,
     ) -> Result<Vec<Wrench<f64>>, SystemError> {
-        let Known { mut joints, needed, own, .. } = self.known(self.whole(), t, q, v, vdot, lambda, s)?;
+        let Known { mut joints, needed, own, .. } =
+            self.own.known(self.whole(), t, q, v, vdot, lambda, s.equations())?;
         let (mut free, mut velocities) = (Vec::new(), Vec::new());
-        for (index, e) in self.placed.carrying.iter().enumerate() {
+        for (index, e) in self.own.placed.carrying.iter().enumerate() {
             let Some(j) = e.joint else { continue };
             let outboard = self.outboard(index);
-            let point = self.joint_point_now(s, j);
-            self.free_axes(j, s, &mut free);
+            let point = self.own.joint_point_now(s.evaluated(), j);
+            self.own.free_axes(j, s.evaluated(), &mut free);
             let mut w = Wrench::default();
             for z in prohibited(&free) {
                 let sigma = self.virtual_power(z, point, &outboard, &needed, s); // (45)
@@ -48,20 +49,20 @@ impl Model {
                 }
             }
             w = if e.reversed { w.opposite() } else { w };
-            if self.placed.joints[j].links.is_none() {
+            if self.own.placed.joints[j].links.is_none() {
                 joints[j].add(&w.across());
                 continue;
             }
-            self.velocities_of(j, &mut velocities);
+            self.own.velocities_of(j, &mut velocities);
             joints[j] = Free::new(&free).with_along(&w, |i| own[velocities[i]]);
         }
-        joints.iter_mut().for_each(|w| *w = w.out_of(&self.placed.basis));
+        joints.iter_mut().for_each(|w| *w = w.out_of(&self.own.placed.basis));
         Ok(joints)
     }
 
     /// Nodes that move with a displacement in the joint of tree edge `index`.
     fn outboard(&self, index: usize) -> Vec<usize> {
-        let tree = &self.placed.carrying;
+        let tree = &self.own.placed.carrying;
         let mut nodes = vec![tree[index].to];
         for e in &tree[index + 1..] {
             if nodes.contains(&e.from) {
@@ -84,7 +85,9 @@ impl Model {
         outboard.iter().fold(0.0, |sum, &node| {
             let w = &needed[node - 1];
             sum + match z.turn {
-                true => z.axis.dot(w.moment) + z.axis.cross(self.com_now(s, node - 1) - point).dot(w.force),
+                true => {
+                    z.axis.dot(w.moment) + z.axis.cross(self.own.com_now(s.evaluated(), node - 1) - point).dot(w.force)
+                }
                 false => z.axis.dot(w.force),
             }
         })

@@ -129,7 +129,7 @@ impl Model {
     /// Size of a large displacement of each velocity: 1 for an angle, a length otherwise.
     fn characteristic_displacements<'py>(&self, py: Python<'py>) -> Array<'py> {
         let inner = &self.inner;
-        let sizes: Vec<f64> = (0..inner.size().nv).map(|i| inner.characteristic_displacement(i)).collect();
+        let sizes: Vec<f64> = inner.structure().displacements().collect();
         array(py, &[sizes.len()], sizes)
     }
 

@@ -225,7 +225,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
         (0..k * k).map(|e| (0..stresses.len()).map(|r| of_stress[0][r] * forms.row(r)[e]).sum()).collect();
     for i in 0..k {
         form.row_mut(i)[..k].copy_from_slice(&quadratic[i * k..(i + 1) * k]);
-        if system.rheonomic() {
+        if system.structure().rheonomic {
             let ahead = combined(&particular, &kernel[i..=i], &[unit]);
             let back = combined(&particular, &kernel[i..=i], &[-unit]);
             let linear = 0.5 * (bend_of(&ahead)? - bend_of(&back)?) / (unit * unit);
@@ -247,7 +247,7 @@ pub fn look<'s, S: ConstrainedSystem>(system: &'s S, t: f64, q: &[f64]) -> Resul
     let of_rows = x.rows.iter().map(|&i| (i, x.sizes[i])).collect();
     let range = (0..rank).map(|i| (u[i].clone(), f.s[i], v[i].clone())).collect();
     let displacement = x.displacement;
-    let driven = system.rheonomic();
+    let driven = system.structure().rheonomic;
     let mut of_kernel = Matrix::new(n, k);
     (0..n).for_each(|i| (0..k).for_each(|j| of_kernel[(i, j)] = kernel[j][i]));
     let kernel = of_kernel;
@@ -359,6 +359,6 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     pub fn own(&self, i: usize, rate: f64) -> RequestedRate {
         let mut row = vec![0.0; self.displacement.len()];
         row[i] = 1.0;
-        RequestedRate { name: self.system.velocity_name(i), row, displacement: self.displacement[i], rate }
+        RequestedRate { name: self.system.structure().velocity_name(i), row, displacement: self.displacement[i], rate }
     }
 }

@@ -177,9 +177,9 @@ pub enum Prescribing<'a> {
 fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S) -> Vec<f64> {
     let mut out = vec![1.0; system.size().nq];
     for i in 0..system.size().nv {
-        let own = system.coordinates_of(i);
+        let own = system.structure().coordinates_of(i);
         if own.len() == 1 {
-            out[own.start] = system.characteristic_displacement(i);
+            out[own.start] = system.structure().displacement(i);
         }
     }
     out

@@ -90,7 +90,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     fn with(name: &'static str, tangent: T, positions: P) -> Self {
         let r = tangent.seen();
         let (system, n) = (r.system.clone(), r.size().nv);
-        let (k, observes_work) = (tangent.count(), system.has_power() || system.rheonomic());
+        let (k, observes_work) = (tangent.count(), system.structure().has_power || system.structure().rheonomic);
         let prescribed = Prescribed::new(&*system);
         let work = positions.width() + k;
         let beside = work + usize::from(observes_work);
@@ -112,7 +112,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             positions,
             observes_work,
             margin: None,
-            drawing_errors: system.drawing_errors(),
+            drawing_errors: system.structure().drawing.errors,
             standing: Standing::Elsewhere,
             levels_at: f64::NAN,
             compiled: None,
@@ -262,7 +262,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
         self.prescribed.conditions(self.tangent.seen(), at, out)
     }
     fn prescriber(&self, row: usize) -> String {
-        self.system.row_owner(row)
+        self.system.structure().rows[row].owner.to_string()
     }
     fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool> {
         self.standing = Standing::Elsewhere;

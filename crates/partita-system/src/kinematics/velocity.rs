@@ -66,7 +66,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
         let words: Vec<String> = rates
             .iter()
             .zip(got)
-            .map(|(&(i, want), &got)| format!("{} = {}", system.velocity_name(i), possible(want, got)))
+            .map(|(&(i, want), &got)| format!("{} = {}", system.structure().velocities[i].name, possible(want, got)))
             .collect();
         SystemError::argument(
             "rates",
@@ -76,7 +76,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
             ),
         )
     };
-    let displacement = |i: usize| system.characteristic_displacement(i);
+    let displacement = |i: usize| system.structure().displacement(i);
     let asked = rates.iter().fold(0.0, |m: f64, &(i, w)| m.max(w.abs() / displacement(i)));
     let fastest = gamma.iter().enumerate().fold(asked, |m: f64, (i, g)| m.max(g.abs() / displacement(i)));
     if k == 0 {
@@ -103,7 +103,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
         g.iter_mut().zip(&r.dt[i * k..(i + 1) * k]).for_each(|(g, d)| *g -= d * p);
     }
     dense::cholesky(&mut md, k).map_err(|e| SystemError::Mass {
-        name: r.system.velocity_name(r.partition.independent[e.index]),
+        name: r.system.structure().velocity_name(r.partition.independent[e.index]),
         pivot: e.pivot,
     })?;
     // with v_I = L⁻ᵀ y the energy is ½|y + L⁻¹g|² + const: least norm of y' = y + L⁻¹ g under T L⁻ᵀ y' = w
@@ -175,7 +175,7 @@ pub fn momentum<S: ConstrainedSystem>(
 
 /// Rates of velocities with their names.
 fn named<S: ConstrainedSystem>(system: &S, rates: &[(usize, f64)]) -> Vec<(String, f64)> {
-    rates.iter().map(|&(i, rate)| (system.velocity_name(i), rate)).collect()
+    rates.iter().map(|&(i, rate)| (system.structure().velocity_name(i), rate)).collect()
 }
 
 /// `v`, unless a requested rate needs velocities that cannot be distinguished from infinite ones; `fastest` is the
@@ -190,7 +190,7 @@ pub fn unlocked<S: ConstrainedSystem>(
     fastest: f64,
     v: Vec<f64>,
 ) -> Result<Vec<f64>, SystemError> {
-    let speed = |i: usize| v[i].abs() / system.characteristic_displacement(i);
+    let speed = |i: usize| v[i].abs() / system.structure().displacement(i);
     let Some(top) = (0..v.len()).max_by(|&i, &j| speed(i).total_cmp(&speed(j))) else { return Ok(v) };
     if fastest == 0.0 || tolerance::SINGULAR_PIVOT * speed(top) <= fastest {
         return Ok(v);
@@ -203,10 +203,10 @@ pub fn unlocked<S: ConstrainedSystem>(
          requested coordinate is locked here except for round-off (a dead point or a singular position); give the \
          rate of {} instead, or start a little away from here",
             asked.join(", "),
-            system.velocity_name(top),
+            system.structure().velocities[top].name,
             formatted(v[top]),
             speed(top) / fastest,
-            system.velocity_name(top),
+            system.structure().velocities[top].name,
         ),
     ))
 }

@@ -207,7 +207,7 @@ impl<S: ConstrainedSystem> Residuals for LeastChange<'_, S> {
     }
     fn keep(&self, part: usize, from: &[f64], to: &mut [f64]) {
         for &v in &self.blocks[part].columns {
-            let range = self.scaled.system.coordinates_of(v);
+            let range = self.scaled.system.structure().coordinates_of(v);
             to[range.clone()].copy_from_slice(&from[range]);
         }
     }

@@ -32,7 +32,7 @@ impl MassProjection {
         let n = system.size().nv;
         let mut l = mass.to_vec();
         dense::cholesky(&mut l, n)
-            .map_err(|e| SystemError::Mass { name: system.velocity_name(e.index), pivot: e.pivot })?;
+            .map_err(|e| SystemError::Mass { name: system.structure().velocity_name(e.index), pivot: e.pivot })?;
         let r = c.rows();
         let mut w = Matrix::new(n, r);
         let mut column = vec![0.0; n];

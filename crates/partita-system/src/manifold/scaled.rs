@@ -40,9 +40,11 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
     pub fn new(system: &'s S, t: f64, q: &[f64], targets: &[usize]) -> Result<Self, SystemError> {
         let mut scaled = Self::known(system, targets);
         scaled.evaluate(t, q)?;
-        for i in (0..system.size().holonomic).filter(|&i| system.row_displacement(i).is_none()) {
+        for i in (0..system.size().holonomic).filter(|&i| system.structure().rows[i].displacement.is_none()) {
             // a coordinate far larger than 1 sets the scale of large displacements itself
-            let large = |v: usize| system.coordinates_of(v).map(|k| q[k].abs()).fold(scaled.displacement[v], f64::max);
+            let large = |v: usize| {
+                system.structure().coordinates_of(v).map(|k| q[k].abs()).fold(scaled.displacement[v], f64::max)
+            };
             let widest = |m: f64, e: usize| m.max(scaled.raw_c[e].abs() * large(scaled.pattern.col_idx[e]));
             let length = scaled.pattern.row(i).fold(0.0, widest);
             scaled.length[i] = if length > 0.0 { length } else { 1.0 };
@@ -61,14 +63,14 @@ impl<'s, S: ConstrainedSystem> Scaled<'s, S> {
             row_ptr.push(col_idx.len());
         }
         let pattern = Pattern::new(size.holonomic + targets.len(), size.nv, row_ptr, col_idx);
-        let displacement: Vec<f64> = (0..size.nv).map(|i| system.characteristic_displacement(i)).collect();
+        let displacement: Vec<f64> = system.structure().displacements().collect();
         Self {
             system,
             scratch: system.scratch(),
             raw_phi: vec![0.0; size.holonomic],
             raw_c: vec![0.0; all.nnz()],
             raw_a: vec![0.0; size.rows],
-            length: (0..size.holonomic).map(|i| system.row_displacement(i).unwrap_or(1.0)).collect(),
+            length: (0..size.holonomic).map(|i| system.structure().rows[i].size()).collect(),
             locked: vec![false; size.nv],
             idle: vec![false; size.holonomic],
             phi: vec![0.0; pattern.rows],

@@ -91,7 +91,7 @@ impl Chart {
         Ok(Self {
             renew,
             balls: balls(system)?,
-            displacement: (0..n).map(|i| system.characteristic_displacement(i)).collect(),
+            displacement: system.structure().displacements().collect(),
             base: vec![0.0; size.nq],
             delta: vec![0.0; n],
             accepted: vec![0.0; n],
@@ -355,7 +355,7 @@ fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>> {
     let n = system.size().nv;
     let mut found: Vec<(usize, Vec<usize>)> = Vec::new();
     for i in 0..n {
-        let range = system.coordinates_of(i);
+        let range = system.structure().coordinates_of(i);
         match (range.len(), found.iter_mut().find(|f| f.0 == range.start)) {
             (1, _) => {}
             (_, Some(f)) => f.1.push(i),
@@ -365,7 +365,7 @@ fn balls<S: ConstrainedSystem>(system: &S) -> Result<Vec<[usize; 3]>> {
     found
         .into_iter()
         .map(|(start, velocities)| match <[usize; 3]>::try_from(velocities) {
-            Ok(b) if system.coordinates_of(b[0]).len() == 4 => Ok(b),
+            Ok(b) if system.structure().velocities[b[0]].coordinates.len() == 4 => Ok(b),
             _ => Err(SystemError::argument(
                 "formulation",
                 format!(

@@ -88,6 +88,6 @@ pub(crate) fn needs_positions<S: ConstrainedSystem>(system: &S, name: &str, use_
          (nonholonomic); use \"projective\"",
         size.rows - size.holonomic,
         size.rows,
-        system.row_description(size.holonomic)
+        system.structure().rows[size.holonomic].description
     )))
 }

@@ -44,7 +44,7 @@ impl Newton {
             }));
         }
         let row = r.closure_error().1;
-        let name = r.system.row_description(row);
+        let name = &r.system.structure().rows[row].description;
         let block = format!("{name} (Newton's method for the dependent coordinates, {} iterations)", done.iterations);
         Err(SystemError::Limit { block, t, shortfall: r.phi[row].abs() })
     }

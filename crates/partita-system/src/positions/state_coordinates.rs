@@ -18,7 +18,7 @@ impl StateCoordinates {
         let size = system.size();
         let mut seen = vec![false; size.nq];
         let mut longer: Vec<usize> = Vec::new(); // numbers a choice gains by one velocity out of each turn in space
-        for r in (0..size.nv).map(|i| system.coordinates_of(i)).filter(|r| r.len() > 1) {
+        for r in (0..size.nv).map(|i| system.structure().coordinates_of(i)).filter(|r| r.len() > 1) {
             if !std::mem::replace(&mut seen[r.start], true) {
                 longer.push(r.len() - 1);
             }
@@ -38,7 +38,7 @@ impl StateCoordinates {
     pub(super) fn choose<S: ConstrainedSystem>(&mut self, system: &S, independent: &[usize]) {
         self.list.clear();
         let mut taken = vec![false; system.size().nq];
-        for c in independent.iter().flat_map(|&i| system.coordinates_of(i)) {
+        for c in independent.iter().flat_map(|&i| system.structure().coordinates_of(i)) {
             if !std::mem::replace(&mut taken[c], true) {
                 self.list.push(c);
             }

@@ -23,7 +23,7 @@ pub fn reduce<S: ConstrainedSystem>(system: &S, q: &mut [f64], turns: &mut [i32]
 
 /// As `reduce`, for coordinate i alone.
 pub fn reduce_one<S: ConstrainedSystem>(system: &S, i: usize, angle: &mut f64, turns: &mut i32) -> bool {
-    if angle.abs() <= WOUND || !angle.is_finite() || !system.turns(i) {
+    if angle.abs() <= WOUND || !angle.is_finite() || !system.structure().coordinates[i].turns {
         return false;
     }
     let n = (*angle / TAU).round();

@@ -37,7 +37,7 @@ pub enum Exact {
 /// Where nothing can be evaluated at (t, q).
 pub fn exact<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], level: f64) -> Result<Exact, SystemError> {
     let size = system.size();
-    let drive = |i: usize| system.row_is_drive(i);
+    let drive = |i: usize| system.structure().rows[i].is_drive;
     let mut r = Reduction::geometric(system, 0);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
@@ -80,10 +80,10 @@ pub fn pivots<S: ConstrainedSystem>(
     let mut r = Reduction::geometric(system, 0);
     r.position(t, q)?;
     r.refresh_scales(t, q)?;
-    let last = |i: usize| late(i) || system.row_is_drive(i);
+    let last = |i: usize| late(i) || system.structure().rows[i].is_drive;
     let found = ranked(&r, tolerance::LOST_PIVOT, (tolerance::LOST_PIVOT, &last));
     let rows = found.kept.into_iter().zip(found.pivots);
-    Ok(rows.filter(|x| !system.row_is_drive(x.0)).collect())
+    Ok(rows.filter(|x| !system.structure().rows[x.0].is_drive).collect())
 }
 
 /// Rows of the last position by their contribution beyond those before them, in natural sizes.
@@ -93,7 +93,7 @@ pub(crate) fn ranked<S: ConstrainedSystem>(
     preference: (f64, &dyn Fn(usize) -> bool),
 ) -> RowRank {
     let system = r.system.clone();
-    let displacement: Vec<f64> = (0..system.size().nv).map(|i| system.characteristic_displacement(i)).collect();
+    let displacement: Vec<f64> = system.structure().displacements().collect();
     let sizes: Vec<f64> = (0..system.size().rows).map(|i| r.row_size(i)).collect();
     weighed_rows(system.pattern(), &r.c, (&displacement, &sizes), least, preference)
 }
@@ -126,7 +126,7 @@ fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) ->
 
 /// Relative closure error of the loop closures that were not kept.
 fn opened<S: ConstrainedSystem>(r: &Reduction<S>) -> f64 {
-    let closings = r.dropped().iter().filter(|&&i| i < r.size().holonomic && !r.system.row_is_drive(i));
+    let closings = r.dropped().iter().filter(|&&i| i < r.size().holonomic && !r.system.structure().rows[i].is_drive);
     largest(closings.map(|&i| r.phi[i] / r.row_size(i)))
 }
 
@@ -134,13 +134,13 @@ fn opened<S: ConstrainedSystem>(r: &Reduction<S>) -> f64 {
 fn dropped_rate<S: ConstrainedSystem>(r: &Reduction<S>, fastest: f64) -> f64 {
     let pattern = r.system.pattern();
     let rate = |i: usize| pattern.row(i).map(|e| r.c[e] * r.v[pattern.col_idx[e]]).sum::<f64>();
-    let closings = r.dropped().iter().filter(|&&i| i >= r.size().holonomic && !r.system.row_is_drive(i));
+    let closings = r.dropped().iter().filter(|&&i| i >= r.size().holonomic && !r.system.structure().rows[i].is_drive);
     largest(closings.map(|&i| rate(i) / (r.row_size(i) * fastest)))
 }
 
 /// Independent rates of a direction: mixed ones first, irregular, so that no symmetry hides a condition.
 fn rates<S: ConstrainedSystem>(r: &Reduction<S>, (direction, mixed): (usize, usize)) -> Vec<f64> {
-    let displacement = |j: usize| r.system.characteristic_displacement(r.partition.independent[j]);
+    let displacement = |j: usize| r.system.structure().displacement(r.partition.independent[j]);
     if let Some(one) = direction.checked_sub(mixed) {
         return (0..r.k()).map(|j| if j == one { displacement(j) } else { 0.0 }).collect();
     }
@@ -166,13 +166,13 @@ impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
         self.r.gamma.fill(0.0);
         self.r.spread(&self.rates);
         let fastest = self.r.system.travel(&self.r.v);
-        let scale = |(i, v): (usize, &f64)| v / (fastest * self.r.system.characteristic_displacement(i));
+        let scale = |(i, v): (usize, &f64)| v / (fastest * self.r.system.structure().displacement(i));
         tangent.iter_mut().zip(self.r.v.iter().enumerate().map(scale)).for_each(|(to, x)| *to = x);
         Ok(fastest.is_finite() && fastest > 0.0 && dropped_rate(self.r, fastest) <= tolerance::NULL_VALUE)
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
         let system = &self.r.system;
-        let by = tangent.iter().enumerate().map(|(i, x)| ds * x * system.characteristic_displacement(i));
+        let by = tangent.iter().enumerate().map(|(i, x)| ds * x * system.structure().displacement(i));
         self.dv.iter_mut().zip(by).for_each(|(to, x)| *to = x);
         system.step(q, &self.dv);
         system.normalise(q);

@@ -28,7 +28,7 @@ impl<'s, S: ConstrainedSystem> Kernel<'s, S> {
     /// `sizes` of rows that the system does not know are 1.
     pub fn new(system: &'s S, t: f64) -> Self {
         let mut scaled = Scaled::known(system, &[]);
-        scaled.idle.iter_mut().enumerate().for_each(|(i, idle)| *idle = system.row_is_drive(i));
+        scaled.idle.iter_mut().enumerate().for_each(|(i, idle)| *idle = system.structure().rows[i].is_drive);
         let rows: Vec<usize> = scaled.active().collect();
         Self {
             sizes: rows.iter().map(|&i| scaled.length[i]).collect(),

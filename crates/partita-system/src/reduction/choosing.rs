@@ -19,7 +19,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             false => self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut self.s2)?,
         }
         if let Some(i) = self.s2.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
-            return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot: 1.0 / self.s2[i] });
+            return Err(SystemError::Mass { name: self.system.structure().velocity_name(i), pivot: 1.0 / self.s2[i] });
         }
         for (s, s2) in self.s.iter_mut().zip(&self.s2) {
             *s = s2.sqrt();
@@ -44,7 +44,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 pattern.row(i).map(|e| self.c[e].abs() * self.displacement[pattern.col_idx[e]]).fold(0.0, f64::max);
             self.noise[i] = self.noise[i].max(tolerance::ROUNDING * arm);
             let arm = self.noise[i] / tolerance::ROUNDING;
-            self.row_size[i] = match self.row_displacement[i] {
+            self.row_size[i] = match self.system.structure().rows[i].displacement {
                 Some(displacement) => displacement.max(arm),
                 None if arm > 0.0 => arm,
                 None => 1.0,
@@ -195,7 +195,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         if self.planned_rows.as_ref() == Some(&rows) {
             return;
         }
-        self.recursion = self.system.plan_recursion(&rows, &mut self.scratch);
+        self.recursion = self.system.clustered().and_then(|x| x.plan_recursion(&rows, &mut self.scratch));
         self.planned_rows = Some(rows);
         if self.recursion.is_none() {
             // whether it is cheaper depends on how many rows are kept, not on which

@@ -101,12 +101,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// # Errors
     /// `Jump`; a shorter step drifts less, and where none is short enough the condition itself jumps.
     pub fn jumped(&self, t: f64) -> Result<(), SystemError> {
-        let given = (0..self.size.holonomic).filter(|&i| self.system.row_may_jump(i));
+        let given = (0..self.size.holonomic).filter(|&i| self.system.structure().rows[i].may_jump);
         let (part, row) = worst(given.map(|i| (i, self.phi[i] / self.row_size[i])));
         if part <= LARGEST_DRIFT {
             return Ok(());
         }
-        let (what, by) = (self.system.row_owner(row), part * self.row_size[row]);
+        let (what, by) = (&*self.system.structure().rows[row].owner, part * self.row_size[row]);
         Err(SystemError::Jump { what: what.into(), t, by, rate: false })
     }
 
@@ -119,10 +119,11 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         // C_Dᵀ w = (C_i)_D: the row as a sum of kept ones
         let mut w: Vec<f64> = self.partition.dependent.iter().map(|&i| of_row[i]).collect();
         self.solve_transposed(&mut w);
-        let who = self.system.row_owner(row);
-        let mut whom: Vec<(bool, String)> = Vec::new();
+        let rows = &self.system.structure().rows;
+        let who = &*rows[row].owner;
+        let mut whom: Vec<(bool, &str)> = Vec::new();
         for (w, &kept) in w.iter().zip(&self.partition.rows) {
-            let owner = (!self.system.row_is_drive(kept), self.system.row_owner(kept));
+            let owner = (!rows[kept].is_drive, &*rows[kept].owner);
             let part = w.abs() * self.row_size[kept] / self.row_size[row];
             if part > tolerance::TAKES_PART && owner.1 != who && !whom.contains(&owner) {
                 whom.push(owner);
@@ -130,8 +131,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         whom.sort(); // drives first: they are what is easily changed
         let whom_drives = whom.iter().any(|x| !x.0);
-        let (angle, drive) = (self.system.row_is_angle(row), self.system.row_is_drive(row));
-        let unit = match (angle, self.row_displacement[row].is_some()) {
+        let unit = match (rows[row].is_angle, rows[row].displacement.is_some()) {
             (true, _) => format!("rad{unit}"),
             (false, true) => format!("m{unit}"),
             _ => format!("(in its own unit){unit}"),
@@ -139,10 +139,10 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         SystemError::Contradiction {
             t,
             who: who.into(),
-            whom: whom.into_iter().map(|x| x.1).collect(),
+            whom: whom.into_iter().map(|x| x.1.to_string()).collect(),
             gap: off * self.row_size[row],
             unit: unit.into(),
-            drive: drive || whom_drives,
+            drive: rows[row].is_drive || whom_drives,
         }
     }
 }

@@ -33,7 +33,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         }
         // both in characteristic displacements where the system has them; elsewhere both in natural scales, so that
         // units cancel
-        let known = self.row_displacement.iter().all(Option::is_some);
+        let known = self.system.structure().rows.iter().all(|x| x.displacement.is_some());
         let part = |i: usize| match known {
             true if self.noise[i] > 0.0 => tolerance::ROUNDING / self.noise[i],
             true => 0.0,
@@ -65,8 +65,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn closure_error_of_rows(&self) -> impl Iterator<Item = f64> + '_ {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.map(|(i, (x, n))| {
-            let least =
-                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
+            let least = self.system.structure().rows[i]
+                .displacement
+                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
             x / n.max(least)
         })
     }

@@ -241,7 +241,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Displacement of the row of a step.
     pub(super) fn size_of_row(&self, step: usize) -> f64 {
-        self.row_displacement[self.partition.rows[step]].unwrap_or(1.0)
+        self.system.structure().rows[self.partition.rows[step]].size()
     }
 
     /// The kept row that depends most on the others next to a singular position: the largest component of the left

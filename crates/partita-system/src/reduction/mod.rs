@@ -89,7 +89,6 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     s: Vec<f64>,
     displacement: Vec<f64>,
     row_scale: Vec<f64>,
-    row_displacement: Vec<Option<f64>>,
     /// Closure error of each row under a large displacement.
     row_size: Vec<f64>,
     /// Rows not kept, ascending.
@@ -155,7 +154,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     /// packed by cluster.
     pub fn new(system: impl Into<SystemRef<'s, S>>, rank: usize) -> Self {
         let system = system.into();
-        let clusters = system.clusters();
+        let clusters = system.structure().clusters.clone();
         Self::memory(system, rank, Some(clusters))
     }
 
@@ -217,14 +216,13 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             plan: None,
             s2: vec![1.0; n],
             s: vec![1.0; n],
-            displacement: (0..n).map(|i| system.characteristic_displacement(i)).collect(),
+            displacement: system.structure().displacements().collect(),
             row_scale: vec![1.0; size.rows],
-            row_displacement: (0..size.rows).map(|i| system.row_displacement(i)).collect(),
-            row_size: (0..size.rows).map(|i| system.row_displacement(i).unwrap_or(1.0)).collect(),
+            row_size: (0..size.rows).map(|i| system.structure().rows[i].size()).collect(),
             dropped: Vec::new(),
             left_out: vec![false; size.rows],
             weighs_displacements: false,
-            lacks_mass: system.lacks_mass(),
+            lacks_mass: system.structure().lacks_mass,
             noise: vec![0.0; size.rows],
             phi: vec![0.0; size.holonomic],
             c: vec![0.0; system.pattern().nnz()],
@@ -233,7 +231,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             factors: Vec::new(),
             rhs: Vec::new(),
             a_matrix: Vec::new(),
-            rheonomic: system.rheonomic(),
+            rheonomic: system.structure().rheonomic,
             independent_entries: Vec::new(),
             dt: Vec::new(),
             gamma: vec![0.0; n],
@@ -385,10 +383,10 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
 
     /// `M_d v_I' = h_d` with the state of the lower levels.                                (P3)
     pub fn acceleration(&mut self, t: f64, q: &[f64]) -> Result<(), SystemError> {
-        if self.recursion.is_some() {
+        if let (Some(_), Some(clustered)) = (&self.recursion, self.system.clustered()) {
             let tangent =
                 ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
-            self.system.accelerate(t, q, &self.v, &tangent, &mut self.scratch, &mut self.vdot)?;
+            clustered.accelerate(t, q, &self.v, &tangent, &mut self.scratch, &mut self.vdot)?;
             for (x, &i) in self.vdot_independent.iter_mut().zip(&self.partition.independent) {
                 *x = self.vdot[i];
             }
@@ -399,7 +397,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         self.md_factor.copy_from_slice(&self.md);
         self.vdot_independent.copy_from_slice(&self.hd);
         dense::cholesky(&mut self.md_factor, self.k).map_err(|e| SystemError::Mass {
-            name: self.system.velocity_name(self.partition.independent[e.index]),
+            name: self.system.structure().velocity_name(self.partition.independent[e.index]),
             pivot: e.pivot,
         })?;
         if self.lacks_mass {
@@ -414,7 +412,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         for (j, &i) in self.partition.independent.iter().enumerate() {
             let pivot = self.md_factor[j * self.k + j].powi(2);
             if pivot * self.s2[i] < tolerance::SOLUTION_ROUNDING {
-                return Err(SystemError::Mass { name: self.system.velocity_name(i), pivot });
+                return Err(SystemError::Mass { name: self.system.structure().velocity_name(i), pivot });
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 use super::Reduction;
 use crate::partition::criterion::{self, Quality};
 use crate::partition::Partition;
-use crate::system::{ClusterTangent, ConstrainedSystem, SystemError};
+use crate::system::{ClusterTangent, Clustered, ConstrainedSystem, SystemError};
 use partita_math::dense;
 use partita_math::elimination::Plan;
 use partita_math::ratio::{self, Forms};
@@ -15,21 +15,27 @@ const FORMED: usize = 100;
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// σ and √μ at the last evaluation; of many clusters, those of the worst.
     pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
-        if self.recursion.is_some() {
-            return self.quality_by_clusters(t, q);
+        let system = self.system.clone();
+        if let (Some(_), Some(clustered)) = (&self.recursion, system.clustered()) {
+            return self.quality_by_clusters(clustered, t, q);
         }
         quality_of(&*self.system, t, q, &self.partition.independent, &self.md, &mut self.scratch)
     }
 
     /// The worst σ and √μ of all clusters: each with the others free to move.
-    fn quality_by_clusters(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
+    fn quality_by_clusters(
+        &mut self,
+        clustered: &dyn Clustered<S::Scratch>,
+        t: f64,
+        q: &[f64],
+    ) -> Result<Quality, SystemError> {
         let mut blocks: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
         let mut diagonal = vec![0.0; self.size.nv];
         let tangent =
             ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
         let independent = &self.partition.independent;
         let form = &mut |_: usize, which: &[usize], values: &[f64]| blocks.push((which.to_vec(), values.to_vec()));
-        self.system.mobility(&tangent, independent, FORMED, &mut self.scratch, &mut diagonal, form);
+        clustered.mobility(&tangent, independent, FORMED, &mut self.scratch, &mut diagonal, form);
         let mut lengths = vec![0.0; self.size.nv];
         self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut lengths)?;
         let mut worst = Quality { sigma: 1.0, sqrt_mu: 1.0 };
@@ -58,7 +64,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let mut own: Vec<Vec<usize>> = vec![Vec::new(); self.clusters.count];
         independent.iter().for_each(|&i| own[self.clusters.of_velocity[i] as usize].push(i));
         for which in own.iter().filter(|which| which.len() > FORMED) {
-            let own = self.quality_by_products(t, q, which, &lengths)?;
+            let own = self.quality_by_products(clustered, (t, q), which, &lengths)?;
             worst = Quality { sigma: worst.sigma.min(own.sigma), sqrt_mu: worst.sqrt_mu.min(own.sqrt_mu) };
         }
         Ok(worst)
@@ -68,8 +74,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// xᵀ W x / xᵀ [M⁻¹]_II x.                                                            (26), (27)
     fn quality_by_products(
         &mut self,
-        t: f64,
-        q: &[f64],
+        clustered: &dyn Clustered<S::Scratch>,
+        (t, q): (f64, &[f64]),
         which: &[usize],
         lengths: &[f64],
     ) -> Result<Quality, SystemError> {
@@ -82,6 +88,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let Some(plan) = &self.plan else { return Ok(Quality { sigma: 1.0, sqrt_mu: 1.0 }) };
         let mut cluster = Cluster {
             system: &*self.system,
+            clustered,
             scratch: &mut self.scratch,
             partition: &self.partition,
             plan,
@@ -110,20 +117,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Ok(Quality { sigma: root(sigma?), sqrt_mu: root(mu?) })
     }
 
-    /// `[Dᵀ M_d⁻¹ D]_ii` at the last evaluation.
-    fn mobilities(&mut self, out: &mut [f64]) {
-        let tangent =
-            ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
-        let independent = &self.partition.independent;
-        self.system.mobility(&tangent, independent, usize::MAX, &mut self.scratch, out, &mut |_, _, _| {});
-    }
-
     /// P4 at the last evaluation, with fresh scales.
     pub fn measure(&mut self, t: f64, q: &[f64], rho: &mut [f64]) -> Result<(), SystemError> {
         let mut s2 = vec![0.0; self.size.nv];
         self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut s2)?;
-        if self.recursion.is_some() {
-            self.mobilities(rho);
+        if let (Some(_), Some(clustered)) = (&self.recursion, self.system.clustered()) {
+            let tangent =
+                ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
+            let independent = &self.partition.independent;
+            clustered.mobility(&tangent, independent, usize::MAX, &mut self.scratch, rho, &mut |_, _, _| {});
             for (r, s2) in rho.iter_mut().zip(&s2) {
                 *r = (*r / s2).max(0.0).sqrt().min(1.0);
             }
@@ -138,6 +140,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 /// A cluster, by products: its block of M_d⁻¹ with all others free to move, and lengths.
 struct Cluster<'c, S: ConstrainedSystem> {
     system: &'c S,
+    clustered: &'c dyn Clustered<S::Scratch>,
     scratch: &'c mut S::Scratch,
     partition: &'c Partition,
     plan: &'c Plan,
@@ -172,10 +175,10 @@ impl<S: ConstrainedSystem> Forms for Cluster<'_, S> {
         let tangent = ClusterTangent { columns, dt, delta: &self.none, c: self.c, b: &self.no_rows };
         self.effort.fill(0.0);
         self.which.iter().zip(x).for_each(|(&i, x)| self.effort[i] = *x);
-        self.system.respond(&tangent, &self.effort, self.scratch, &mut self.answer)?;
+        self.clustered.respond(&tangent, &self.effort, self.scratch, &mut self.answer)?;
         self.which.iter().zip(ax).for_each(|(&i, to)| *to = self.answer[i]);
         if self.freely {
-            self.system.respond_freely(&self.effort, self.scratch, &mut self.answer)?;
+            self.clustered.respond_freely(&self.effort, self.scratch, &mut self.answer)?;
             self.which.iter().zip(bx).for_each(|(&i, to)| *to = self.answer[i]);
         } else {
             bx.iter_mut().zip(x).zip(self.size).for_each(|((to, x), size)| *to = x * size);

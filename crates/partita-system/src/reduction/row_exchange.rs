@@ -63,7 +63,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     fn row_weight(&self, i: usize) -> f64 {
         let precedence = if i >= self.size.holonomic {
             1.0
-        } else if self.system.row_is_drive(i) {
+        } else if self.system.structure().rows[i].is_drive {
             PRECEDENCE
         } else {
             PRECEDENCE * PRECEDENCE

@@ -23,8 +23,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         for i in (0..rows).filter(|&i| self.row_scale[i] == 0.0) {
             clear(&mut c, i); // round-off alone, in whatever direction
         }
-        let last = |i: usize| i >= self.size.holonomic || self.system.row_is_drive(i);
-        if self.row_displacement.iter().all(Option::is_some) {
+        let last = |i: usize| i >= self.size.holonomic || self.system.structure().rows[i].is_drive;
+        if self.system.structure().rows.iter().all(|x| x.displacement.is_some()) {
             // a loop closure that is weak as a whole is kept only where no other serves: closed by it, others would be
             // open by as much more
             let found = weighed_rows(pattern, &c, (&self.displacement, &self.row_size), 0.0, (BEFORE_DRIVES, &last));

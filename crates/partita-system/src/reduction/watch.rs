@@ -47,8 +47,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn closure_error(&self) -> (f64, usize) {
         let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
-            let least =
-                self.row_displacement[i].map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
+            let least = self.system.structure().rows[i]
+                .displacement
+                .map_or(f64::MIN_POSITIVE, |displacement| tolerance::ROUNDING * displacement);
             let closure_error = if x.is_nan() { f64::INFINITY } else { x.abs() / n.max(least) };
             if closure_error > best.0 {
                 (closure_error, i)
@@ -66,17 +67,25 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Squared size of row i of C for unit characteristic displacements, over its closure error under a large
     /// displacement: 1 for a well-scaled row.
     pub fn strength(&self, i: usize) -> Option<f64> {
-        Some(strength(self.system.pattern(), &self.c, &self.displacement, i, self.row_displacement[i]?))
+        Some(strength(
+            self.system.pattern(),
+            &self.c,
+            &self.displacement,
+            i,
+            self.system.structure().rows[i].displacement?,
+        ))
     }
 
     /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each cluster chooses
     /// independently. Clusters that form no D keep their choice; it is changed by switches.
     pub fn choose_by_clusters(&mut self, weights: Option<&[f64]>) -> Result<Vec<usize>, SystemError> {
-        let Some(recursion) = &self.recursion else { return Ok(self.partition.independent.clone()) };
+        let (Some(recursion), Some(clustered)) = (&self.recursion, self.system.clustered()) else {
+            return Ok(self.partition.independent.clone());
+        };
         let n = self.size.nv;
         let (none, mut out) = (vec![0.0; n], vec![0.0; n]);
         let tangent = ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &self.b };
-        self.system.respond(&tangent, &none, &mut self.scratch, &mut out)?;
+        clustered.respond(&tangent, &none, &mut self.scratch, &mut out)?;
         let mut own: Vec<Vec<usize>> = vec![Vec::new(); self.clusters.count];
         for &i in &self.partition.independent {
             own[self.clusters.of_velocity[i] as usize].push(i);
@@ -89,13 +98,13 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 continue;
             }
             let k = own[c].len();
-            let mut mass = self.system.cluster_mass(few, &self.scratch).to_vec();
+            let mut mass = clustered.cluster_mass(few, &self.scratch).to_vec();
             few += 1;
             if k == 0 {
                 continue;
             }
             if let Err(e) = dense::cholesky(&mut mass, k) {
-                let name = self.system.velocity_name(own[c][e.index]);
+                let name = self.system.structure().velocity_name(own[c][e.index]);
                 return Err(SystemError::Mass { name, pivot: e.pivot });
             }
             let dt: Vec<f64> =
@@ -117,19 +126,20 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         momentum: &[f64],
         rates: &[(usize, f64)],
     ) -> Result<(Vec<f64>, Vec<f64>), SystemError> {
+        let Some(clustered) = self.system.clustered() else { return Err(SystemError::Unchosen("recursion")) };
         let n = self.size.nv;
         let mut effort = momentum.to_vec();
         let mut v = vec![0.0; n];
         let tangent =
             ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.gamma, c: &self.c, b: &self.a };
-        self.system.respond(&tangent, &effort, &mut self.scratch, &mut v)?;
+        clustered.respond(&tangent, &effort, &mut self.scratch, &mut v)?;
         let (none, no_rows) = (vec![0.0; n], vec![0.0; self.size.rows]);
         let mut answers = Matrix::new(rates.len(), n);
         for (j, &(i, _)) in rates.iter().enumerate() {
             effort.fill(0.0);
             effort[i] = 1.0;
             let tangent = ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &no_rows };
-            self.system.respond(&tangent, &effort, &mut self.scratch, answers.row_mut(j))?;
+            clustered.respond(&tangent, &effort, &mut self.scratch, answers.row_mut(j))?;
         }
         // in natural scales, so that units do not affect what counts as zero
         let mut normal = Matrix::new(rates.len(), rates.len());

@@ -90,7 +90,7 @@ fn refusal<S: ConstrainedSystem>(
     independent: &[usize],
     seen: String,
 ) -> SystemError {
-    let names = |x: &[usize]| x.iter().map(|&i| system.velocity_name(i)).collect::<Vec<_>>().join(", ");
+    let names = |x: &[usize]| system.structure().names(x);
     let advice = match pivot >= SOUND && others != independent {
         true => format!(
             "the mechanism itself is not singular, and {} would serve: give those, or none, and use a formulation \

@@ -1,9 +1,8 @@
 //! The traits of a constrained system.
 
-use super::{BlockSink, ClusterTangent, Finite, Recursion, Size, SystemError, SystemRef, Tangent};
+use super::{BlockSink, ClusterTangent, Recursion, Size, Structure, SystemError, SystemRef, Tangent};
 use crate::choice::Choice;
 use crate::closing::Closing;
-use crate::clusters::Clusters;
 use crate::compiled::CompiledRates;
 use crate::watched::{Reading, Watched};
 use partita_math::elimination::Pattern;
@@ -18,18 +17,18 @@ use std::sync::Arc;
 pub trait Levels: Send + Sync {
     /// Memory reused between evaluations.
     type Scratch;
-    /// Sizes.
-    fn size(&self) -> Size;
+    /// What is the same at every time and position.
+    fn structure(&self) -> &Structure;
+    /// Sizes of the system.
+    fn size(&self) -> Size {
+        self.structure().size
+    }
     /// Sparsity of C (rows x nv).
-    fn pattern(&self) -> &Pattern;
+    fn pattern(&self) -> &Pattern {
+        &self.structure().pattern
+    }
     /// New scratch.
     fn scratch(&self) -> Self::Scratch;
-    /// Whether any row depends on time (a ≠ 0).
-    fn rheonomic(&self) -> bool;
-    /// Whether the work of non-conservative forces is accumulated.
-    fn has_power(&self) -> bool {
-        false
-    }
     /// Position level: Φ (holonomic rows), the values of C in pattern order, and a.       (S3, S4)
     fn position(
         &self,
@@ -73,7 +72,7 @@ pub trait Levels: Send + Sync {
         s: &mut Self::Scratch,
         out: &mut [f64],
     ) -> Result<(), SystemError>;
-    /// Power of the non-conservative applied forces, after `velocity` (see [`has_power`](Self::has_power)).
+    /// Power of the non-conservative applied forces, after `velocity` (see [`Structure::has_power`]).
     fn power(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch) -> Result<f64, SystemError> {
         Ok(0.0)
     }
@@ -97,12 +96,6 @@ pub trait Metric: Levels {
     ) -> Result<(), SystemError> {
         self.dynamics(t, q, v, s, mass, h)
     }
-    /// Whether M is singular because bodies are massless, so that it is not a metric. Then a metric exists beside it:
-    /// [`add_metric`](Self::add_metric) adds the difference, and `[M⁻¹]_ii` and columns of `M⁻¹` are those of the
-    /// metric. Equations of motion use M.
-    fn lacks_mass(&self) -> bool {
-        false
-    }
     /// Make a dense M (nv x nv) the metric, after `position`.
     fn add_metric(&self, _s: &mut Self::Scratch, _mass: &mut [f64]) {}
     /// `s_i² = [M⁻¹]_ii` after `position`: the squared lengths |k_i|².                     (19)
@@ -124,75 +117,43 @@ pub trait Metric: Levels {
     ) -> Result<(), SystemError>;
 }
 
-/// Reduced accelerations cluster by cluster, where that is cheaper than one dense M_d.
-pub trait Clustered: Levels {
-    /// Blocks of velocities and rows connected through C; one block by default.
-    fn clusters(&self) -> Clusters {
-        let size = self.size();
-        Clusters::one(size.nv, size.rows)
-    }
-    /// Prepare the recursion over clusters with these rows kept; `None` where one dense M_d is cheaper, or the only
-    /// method.
-    fn plan_recursion(&self, _kept: &[usize], _s: &mut Self::Scratch) -> Option<Recursion> {
-        None
-    }
+/// Reduced accelerations cluster by cluster, over scratch memory `X`: for systems with a recursion.
+pub trait Clustered<X> {
+    /// Prepare the recursion over clusters with these rows kept; `None` where one dense M_d is cheaper.
+    fn plan_recursion(&self, kept: &[usize], s: &mut X) -> Option<Recursion>;
     /// `v'` with `C v' + b = 0`, after `velocity` and [`plan_recursion`](Self::plan_recursion).     (P3 by clusters)
     fn accelerate(
         &self,
-        _t: f64,
-        _q: &[f64],
-        _v: &[f64],
-        _tangent: &ClusterTangent,
-        _s: &mut Self::Scratch,
-        _vdot: &mut [f64],
-    ) -> Result<(), SystemError> {
-        Err(SystemError::argument(
-            "formulation",
-            "this system offers no recursion over clusters; give its equations densely".into(),
-        ))
-    }
+        t: f64,
+        q: &[f64],
+        v: &[f64],
+        tangent: &ClusterTangent,
+        s: &mut X,
+        vdot: &mut [f64],
+    ) -> Result<(), SystemError>;
     /// Motion that efforts (nv) alone cause from rest: as `accelerate`, without forces, gravity and velocity terms.
     /// After `position` and [`plan_recursion`](Self::plan_recursion).
-    fn respond(
-        &self,
-        _tangent: &ClusterTangent,
-        _effort: &[f64],
-        _s: &mut Self::Scratch,
-        _out: &mut [f64],
-    ) -> Result<(), SystemError> {
-        Err(SystemError::argument(
-            "formulation",
-            "this system offers no recursion over clusters; give its equations densely".into(),
-        ))
-    }
+    fn respond(&self, tangent: &ClusterTangent, effort: &[f64], s: &mut X, out: &mut [f64]) -> Result<(), SystemError>;
     /// Reduced mass (k_c x k_c, lower triangle) on a base at rest of the n-th cluster that uses partial velocities,
     /// after `accelerate` or `respond`.
-    fn cluster_mass<'x>(&self, _n: usize, _s: &'x Self::Scratch) -> &'x [f64] {
-        &[]
-    }
+    fn cluster_mass<'x>(&self, n: usize, s: &'x X) -> &'x [f64];
     /// Motion that efforts (nv) cause from rest without any closing condition, `M⁻¹ f`, after `position`.
-    fn respond_freely(&self, _effort: &[f64], _s: &mut Self::Scratch, _out: &mut [f64]) -> Result<(), SystemError> {
-        Err(SystemError::argument(
-            "formulation",
-            "this system offers no recursion over clusters; give its equations densely".into(),
-        ))
-    }
+    fn respond_freely(&self, effort: &[f64], s: &mut X, out: &mut [f64]) -> Result<(), SystemError>;
     /// `[Dᵀ M_d⁻¹ D]_ii` of all velocities, and `block(cluster, its independent velocities, their block of M_d⁻¹)` for each
     /// cluster, after `accelerate` or `respond`; nothing for clusters with more than `most` independent velocities. (21)
     fn mobility(
         &self,
-        _tangent: &ClusterTangent,
-        _independent: &[usize],
-        _most: usize,
-        _s: &mut Self::Scratch,
-        _diagonal: &mut [f64],
-        _block: BlockSink,
-    ) {
-    }
+        tangent: &ClusterTangent,
+        independent: &[usize],
+        most: usize,
+        s: &mut X,
+        diagonal: &mut [f64],
+        block: BlockSink,
+    );
 }
 
 /// Positions: the relation of q and v, and displacements of q.
-pub trait Manifold {
+pub trait Manifold: Levels {
     /// `q' = N(q) v`.                                                                      (S2)
     fn rate(&self, q: &[f64], v: &[f64], qdot: &mut [f64]) {
         let _ = q;
@@ -208,101 +169,11 @@ pub trait Manifold {
     fn normalise(&self, _q: &mut [f64]) -> bool {
         false
     }
-    /// The coordinates that velocity `i` changes: its own integral, or the whole quaternion of a spatial rotation.
-    fn coordinates_of(&self, i: usize) -> std::ops::Range<usize> {
-        i..i + 1
-    }
-    /// Whether coordinate `i` is an angle from which whole turns may be removed without changing S1-S5.
-    fn turns(&self, _i: usize) -> bool {
-        false
-    }
-    /// Whether coordinate `i` is an angle after a whole turn of which all forces and conditions are the same again.
-    /// Energies may differ: a constant torque has done work.
-    fn repeats(&self, i: usize) -> bool {
-        self.turns(i)
-    }
-    /// The velocity whose integral coordinate `i` is, if there is one.
-    fn velocity_of_coordinate(&self, i: usize) -> Option<usize> {
-        Some(i)
-    }
-}
-
-/// Natural sizes of displacements and rows, which make all criteria unit-free.
-pub trait Scales {
-    /// Closure error of row `i` under a large displacement (1 for an angle, a length for a displacement), if the system
-    /// knows it: a row whose entries are all small compared with it cannot be closed, which no comparison with other
-    /// rows shows.
-    fn row_displacement(&self, _i: usize) -> Option<f64> {
-        None
-    }
     /// Size of velocities v, in characteristic displacements: the fastest coordinate, or its invariant over axes.
     fn travel(&self, v: &[f64]) -> f64 {
-        v.iter().enumerate().fold(0.0, |m: f64, (i, v)| m.max(v.abs() / self.characteristic_displacement(i)))
-    }
-    /// Whether row `i` constrains a direction (rad), not a length.
-    fn row_is_angle(&self, _i: usize) -> bool {
-        false
-    }
-    /// A typical magnitude of a large displacement of velocity `i` (1 for an angle, a length for a translation).
-    fn characteristic_displacement(&self, _i: usize) -> f64 {
-        1.0
-    }
-    /// Errors of the dimensions (rad, fractions of lengths): the largest that was removed, and the largest that there
-    /// may be.
-    fn drawing_errors(&self) -> (f64, f64) {
-        (0.0, 0.0)
-    }
-}
-
-/// Names, for messages and reports.
-pub trait Names {
-    /// Name of velocity `i`.
-    fn velocity_name(&self, i: usize) -> String;
-    /// Name of constraint row `i`.
-    fn row_name(&self, i: usize) -> String;
-    /// Origin of constraint row `i`, in words.
-    fn row_description(&self, i: usize) -> String {
-        self.row_name(i)
-    }
-    /// Names of the bodies that move at these velocities.
-    fn bodies_moved(&self, _q: &[f64], _v: &[f64]) -> Vec<String> {
-        Vec::new()
-    }
-    /// Notes on a start with these velocities, or reasons to refuse it.
-    ///
-    /// # Errors
-    /// Velocities whose motion is not continued.
-    fn start_notes(&self, _q: &[f64], _v: &[f64]) -> Result<Vec<String>, SystemError> {
-        Ok(Vec::new())
-    }
-    /// A description of what locks instantaneous motions.
-    fn instantaneous(&self) -> String {
-        "its conditions".into()
-    }
-    /// Element to which condition `i` belongs, in words.
-    fn row_owner(&self, i: usize) -> String {
-        self.row_description(i)
-    }
-}
-
-/// Prior knowledge of the rows of S3 and S4.
-pub trait Conditions {
-    /// The verdict on rank, if one was made for all positions; otherwise each position is analysed.
-    fn finite(&self) -> Option<Finite> {
-        None
-    }
-    /// A condition, in words, that may or may not have been intended: then the mechanism is not run.
-    fn ambiguous(&self) -> Option<String> {
-        None
-    }
-    /// Whether row `i` prescribes a motion. Such rows are kept after all others: loop closures are not a matter of
-    /// choice.
-    fn row_is_drive(&self, _i: usize) -> bool {
-        false
-    }
-    /// Whether condition `i` may be discontinuous in its position. Loop closures cannot.
-    fn row_may_jump(&self, i: usize) -> bool {
-        self.row_is_drive(i)
+        v.iter()
+            .zip(self.structure().displacements())
+            .fold(0.0, |m: f64, (v, displacement)| m.max(v.abs() / displacement))
     }
     /// Rows that are closed at q with an axis reversed: the directions they compare are perpendicular as they should
     /// be, but an axis points backwards. One row for each such loop closure.
@@ -321,35 +192,12 @@ pub trait Guards: Levels {
     fn readings(&self, _t: f64, _q: &[f64], _v: &[f64], _s: &mut Self::Scratch, _out: &mut [Reading]) {}
 }
 
-/// Evaluations by code of the processor, where the system can be recorded.
-pub trait Programs {
-    /// The recorded rates of a choice (see [`compiled`](crate::compiled)), where they can be recorded.
-    fn recorded_rates(&self, _choice: &Choice, _most: usize) -> Option<Recording> {
+/// Methods of its own that a system may have for its equations.
+pub trait Methods: Levels {
+    /// The recursion over clusters, where the system has one.
+    fn clustered(&self) -> Option<&dyn Clustered<Self::Scratch>> {
         None
     }
-    /// The place of their code; none where they cannot be recorded.
-    fn compiled_rates(&self, _choice: &Choice) -> Option<Arc<CompiledRates>> {
-        None
-    }
-    /// How many numbers are given from outside; inputs of the recorded rates.
-    fn given_count(&self) -> usize {
-        0
-    }
-    /// The given number at a place.
-    fn given_number(&self, _place: usize) -> f64 {
-        f64::NAN
-    }
-    /// Have `work` done by a thread of its own; false, and nothing done, where the system cannot be shared with one.
-    fn beside(_system: &SystemRef<Self>, _work: impl FnOnce(&Self) + Send + 'static) -> bool
-    where
-        Self: Sized,
-    {
-        false
-    }
-}
-
-/// Loops closed by inverse kinematics, where the system can.
-pub trait InverseKinematics {
     /// Explicit closing by inverse kinematics for these input velocities, on the branch of the closed position q. (37)
     ///
     /// `None` leaves the choice of inputs to the system: those that order the most loops into explicit blocks.
@@ -368,5 +216,24 @@ pub trait InverseKinematics {
              function (closing=); use another formulation"
                 .into(),
         ))
+    }
+    /// The recorded rates of a choice (see [`compiled`](crate::compiled)), where they can be recorded.
+    fn recorded_rates(&self, _choice: &Choice, _most: usize) -> Option<Recording> {
+        None
+    }
+    /// The place of their code; none where they cannot be recorded.
+    fn compiled_rates(&self, _choice: &Choice) -> Option<Arc<CompiledRates>> {
+        None
+    }
+    /// The given number at a place, of [`Structure::given_count`].
+    fn given_number(&self, _place: usize) -> f64 {
+        f64::NAN
+    }
+    /// Have `work` done by a thread of its own; false, and nothing done, where the system cannot be shared with one.
+    fn beside(_system: &SystemRef<Self>, _work: impl FnOnce(&Self) + Send + 'static) -> bool
+    where
+        Self: Sized,
+    {
+        false
     }
 }

@@ -1,6 +1,6 @@
 //! Derivatives of the equations of a system along directions.
 
-use super::{Levels, Manifold, Scales, SystemError};
+use super::{Manifold, SystemError};
 
 /// How derivatives were computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,7 +60,7 @@ impl Changes {
 }
 
 /// A system that differentiates its equations.
-pub trait Varied: Levels + Manifold + Scales {
+pub trait Varied: Manifold {
     /// Changes of the equations along directions; by differences unless the system can do better.
     ///
     /// # Errors
@@ -130,7 +130,7 @@ pub fn by_differences<S: Varied + ?Sized>(
         let (dq, dv, dvdot) = (&along.q[part.clone()], &along.v[part.clone()], &along.vdot[part.clone()]);
         // forces are linear in accelerations: their size does not matter to the length of the difference
         let fastest = (0..n).fold(0.0, |m: f64, i| {
-            let displacement = system.characteristic_displacement(i);
+            let displacement = system.structure().displacement(i);
             m.max(dq[i].abs() / displacement)
                 .max(dv[i].abs() / displacement.max(at.v[i].abs()))
                 .max(dvdot[i].abs() / displacement.max(at.vdot[i].abs()))

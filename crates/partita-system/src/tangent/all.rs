@@ -101,7 +101,7 @@ impl<'s, S: ConstrainedSystem> AllVelocities<'s, S> {
     /// The rows of the choice in use.
     fn take_rows(&mut self) {
         self.taken = self.base.r.choices();
-        if self.base.r.system.lacks_mass() {
+        if self.base.r.system.structure().lacks_mass {
             self.scales.clear();
             self.scales.extend_from_slice(self.base.r.row_scales());
         }
@@ -150,7 +150,9 @@ impl<'s, S: ConstrainedSystem> AllVelocities<'s, S> {
     fn refused(&self, t: f64, failure: Failure) -> SystemError {
         let r = &self.base.r;
         match failure {
-            Failure::Mass { index, pivot } => SystemError::Mass { name: r.system.velocity_name(index), pivot },
+            Failure::Mass { index, pivot } => {
+                SystemError::Mass { name: r.system.structure().velocity_name(index), pivot }
+            }
             Failure::Rows { sine2 } if r.c.iter().all(|x| x.is_finite()) => {
                 SystemError::Singular { t, pivot: sine2, limit: tolerance::LOST_PIVOT }
             }
@@ -213,7 +215,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
 
 impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
     fn natural_size(&self, j: usize) -> f64 {
-        self.base.r.system.characteristic_displacement(j)
+        self.base.r.system.structure().displacement(j)
     }
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.choose(t, q)?;

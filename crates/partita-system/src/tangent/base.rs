@@ -86,7 +86,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
 
     /// Names of velocities.
     pub(super) fn names(&self, velocities: &[usize]) -> String {
-        velocities.iter().map(|&i| self.r.system.velocity_name(i)).collect::<Vec<_>>().join(", ")
+        self.r.system.structure().names(velocities)
     }
 
     /// Choices, rows and counts of a run.

@@ -86,7 +86,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
                 format!(
                 "the explicit closing leaves a closure error of {1} in {0} at t = {t}; check the closing function, \
                  and that it follows the branch of the initial state",
-                r.system.row_description(row),
+                r.system.structure().rows[row].description,
                 formatted(*phi)
             ),
             )),
@@ -137,13 +137,13 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         for block in closing.blocks() {
             for &i in &block.unknown {
                 if std::mem::replace(&mut solved[i], true) {
-                    let name = system.velocity_name(i);
+                    let name = system.structure().velocities[i].name.clone();
                     return refuse(format!("{} solves for {name}, which is known already", block.words));
                 }
             }
         }
         match solved.iter().position(|s| !s) {
-            Some(i) => refuse(format!("no block solves for {}", system.velocity_name(i))),
+            Some(i) => refuse(format!("no block solves for {}", system.structure().velocities[i].name)),
             None => Ok(()),
         }
     }

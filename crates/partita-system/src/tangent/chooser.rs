@@ -113,7 +113,7 @@ fn measure_name(selection: Selection) -> &'static str {
 }
 
 fn displacements<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<f64> {
-    (0..r.size().nv).map(|i| r.system.characteristic_displacement(i)).collect()
+    r.system.structure().displacements().collect()
 }
 
 fn measures<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<f64> {
@@ -146,8 +146,8 @@ fn impossible<S: ConstrainedSystem>(
     independent: &[usize],
     reason: String,
 ) -> SystemError {
-    let names: Vec<String> = independent.iter().map(|&i| r.system.velocity_name(i)).collect();
-    let coordinates = if names.is_empty() { "nothing".into() } else { names.join(", ") };
+    let names = r.system.structure().names(independent);
+    let coordinates = if names.is_empty() { "nothing".into() } else { names };
     SystemError::Choice { rule: selection.name(), coordinates, t, reason }
 }
 

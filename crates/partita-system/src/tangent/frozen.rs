@@ -127,7 +127,7 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         let (n, k) = (r.size().nv, r.k());
         let (mut mass, new) = made(&*self.basis, r, t, q, (self.frozen > 0).then_some(&*self.selector))?;
         dense::cholesky(mass.data_mut(), n)
-            .map_err(|e| SystemError::Mass { name: r.system.velocity_name(e.index), pivot: e.pivot })?;
+            .map_err(|e| SystemError::Mass { name: r.system.structure().velocity_name(e.index), pivot: e.pivot })?;
         // S M⁻¹ Sᵀ = Y Yᵀ with Y = S L_M⁻ᵀ
         let mut half = new.clone();
         (0..k).for_each(|j| dense::cholesky_forward(mass.data(), n, half.row_mut(j)));

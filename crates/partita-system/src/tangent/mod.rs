@@ -87,7 +87,7 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
 pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     /// Natural size of u_j; other bases than independent velocities are measured by the mass metric already.
     fn natural_size(&self, j: usize) -> f64 {
-        self.independent(None).map_or(1.0, |i| self.seen().system.characteristic_displacement(i[j]))
+        self.independent(None).map_or(1.0, |i| self.seen().system.structure().displacement(i[j]))
     }
     /// The first choice, at the closed (t, q).
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()>;

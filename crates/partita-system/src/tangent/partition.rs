@@ -68,7 +68,8 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         why: impl Fn(&CoordinateSwitch) -> String,
     ) -> Result<()> {
         let before = self.base.r.partition.independent.clone();
-        let name = |i: usize| self.base.r.system.velocity_name(i);
+        let velocities = &self.base.r.system.structure().velocities;
+        let name = |i: usize| velocities[i].name.to_string();
         let mut next = before.clone();
         let mut reasons = Vec::new();
         for x in pairs {
@@ -92,8 +93,9 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         let before = self.base.r.partition.independent.clone();
         let Some(chooser) = &mut self.chooser else { return Ok(()) };
         chooser.change(&mut self.base.r, t, change)?;
+        let velocities = &self.base.r.system.structure().velocities;
         let name = |of: &[usize], without: &[usize]| -> Vec<String> {
-            of.iter().filter(|i| !without.contains(i)).map(|&i| self.base.r.system.velocity_name(i)).collect()
+            of.iter().filter(|i| !without.contains(i)).map(|&i| velocities[i].name.to_string()).collect()
         };
         let (enter, leave) = (name(&change.independent, &before), name(&before, &change.independent));
         self.base.switches += enter.len() as u64;

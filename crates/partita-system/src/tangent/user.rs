@@ -49,7 +49,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
         let r = Reduction::dense(system, rank).trusting_pivots();
         let (nq, n, k) = (r.size().nq, r.size().nv, r.k());
         Self {
-            displacement: (0..n).map(|i| r.system.characteristic_displacement(i)).collect(),
+            displacement: r.system.structure().displacements().collect(),
             base: Base::new(r),
             map,
             near: vec![0.0; nq],
@@ -172,7 +172,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
     fn check_tangent(&self) -> Result<()> {
         let k = self.base.r.k();
         for row in 0..self.base.r.size().rows {
-            let words = || self.base.r.system.row_description(row);
+            let words = || &self.base.r.system.structure().rows[row].description;
             for j in 0..k {
                 let (sum, size) = self.along(row, |i| self.base.r.dt[i * k + j]);
                 if sum.abs() > tolerance::WORST_ROUNDING * size {
@@ -216,7 +216,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
                     format!(
                         "the bias of the tangent velocities violates {}: C delta + b is {left:.3e} there (of \
                      {size:.3e}) instead of 0; check bias(t, q, v), or omit it, and finite differences are used",
-                        self.base.r.system.row_description(row)
+                        self.base.r.system.structure().rows[row].description
                     ),
                 ));
             }
@@ -345,5 +345,5 @@ fn without_inertia<S: ConstrainedSystem>(r: &Reduction<S>) -> String {
     let index = dense::cholesky(&mut r.md.clone(), k).map_or_else(|e| e.index, |()| 0);
     let share = |i: &usize| r.dt[i * k + index].abs();
     let most = (0..r.size().nv).max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(0);
-    r.system.velocity_name(most)
+    r.system.structure().velocity_name(most)
 }

@@ -2,7 +2,6 @@
 
 use crate::pieces::{any, distance, march, reference, times, Angles, Pendulum, GRAVITY, GROUND, LENGTHS};
 use partita_integrate::simulate::{simulate, Status};
-use partita_math::elimination::Pattern;
 use partita_system::closing::{Block, BlockState, Closing};
 use partita_system::equations::{Equations, UserScratch, UserSystem};
 use partita_system::formulation::motion::ExplicitClosing;
@@ -11,10 +10,7 @@ use partita_system::formulation::Formulation;
 use partita_system::kinematics::{assembly, velocity};
 use partita_system::options::FormulationOptions;
 use partita_system::record::Sample;
-use partita_system::system::{
-    Clustered, Conditions, Guards, InverseKinematics, Levels, Manifold, Metric, Names, Programs, Scales,
-};
-use partita_system::system::{Size, Tangent};
+use partita_system::system::{Guards, Levels, Manifold, Methods, Metric, Structure, Tangent};
 use partita_system::{start, SystemError, SystemRef};
 use std::ops::ControlFlow;
 
@@ -212,17 +208,11 @@ impl Closing for Dyads<'_> {
 
 impl Levels for Recognised {
     type Scratch = UserScratch;
-    fn size(&self) -> Size {
-        self.user_system.size()
-    }
-    fn pattern(&self) -> &Pattern {
-        self.user_system.pattern()
+    fn structure(&self) -> &Structure {
+        self.user_system.structure()
     }
     fn scratch(&self) -> UserScratch {
         self.user_system.scratch()
-    }
-    fn rheonomic(&self) -> bool {
-        self.user_system.rheonomic()
     }
     fn position(&self, t: f64, q: &[f64], s: &mut UserScratch, phi: &mut [f64], c: &mut [f64], a: &mut [f64]) -> Done {
         self.user_system.position(t, q, s, phi, c, a)
@@ -267,28 +257,11 @@ impl Metric for Recognised {
     }
 }
 
-impl Clustered for Recognised {}
-
 impl Manifold for Recognised {}
-
-impl Scales for Recognised {}
-
-impl Names for Recognised {
-    fn velocity_name(&self, i: usize) -> String {
-        self.user_system.velocity_name(i)
-    }
-    fn row_name(&self, i: usize) -> String {
-        self.user_system.row_name(i)
-    }
-}
-
-impl Conditions for Recognised {}
 
 impl Guards for Recognised {}
 
-impl Programs for Recognised {}
-
-impl InverseKinematics for Recognised {
+impl Methods for Recognised {
     /// The inputs asked for, or those with the largest product of pivots.
     fn closing<'s>(
         system: SystemRef<'s, Self>,

@@ -89,7 +89,7 @@ fn raw_ranking(length: f64, angle: f64) -> Vec<String> {
     // what the rule takes is the first of them
     let best = determinant::choose(&r.dt, &r.partition.independent, r.scales());
     assert_eq!(best.independent, [order[0]]);
-    order.iter().map(|&i| system.velocity_name(i)).collect()
+    order.iter().map(|&i| system.structure().velocity_name(i)).collect()
 }
 
 #[test]

@@ -14,7 +14,7 @@ fn closure_error(model: &Model, q: &[f64]) -> f64 {
     let size = model.size();
     let (mut phi, mut a, mut c) = (vec![0.0; size.holonomic], vec![0.0; size.rows], vec![0.0; model.pattern().nnz()]);
     model.position(0.0, q, &mut model.scratch(), &mut phi, &mut c, &mut a).unwrap();
-    phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() / model.row_displacement(i).unwrap()))
+    phi.iter().enumerate().fold(0.0, |m: f64, (i, x)| m.max(x.abs() / model.structure().rows[i].displacement.unwrap()))
 }
 
 #[test]

@@ -104,7 +104,7 @@ fn a_thousand_turns(drawing: Drawing, names: &[&str]) {
         slowest = slowest.min(s.v[crank]);
     });
     assert_eq!(outcome.status, Status::Finished, "{}", outcome.message);
-    assert!(worst <= CLOSED * model.placed.size, "closure {worst:e} of {}", model.placed.size);
+    assert!(worst <= CLOSED * model.extent(), "closure {worst:e} of {}", model.extent());
     // the same closed form at the same angle; half the digits of a pivot of 0.1 lie between
     assert!(strayed < 1e-13, "off the branch by {strayed:e}");
     assert!(slowest > 0.0 && angle > 1000.0 * TAU, "{} turns", angle / TAU);

@@ -132,7 +132,7 @@ fn cams_racks_and_screws() {
     let mut closing = by(&model, &["crank", "wheel"]);
     assert!(closing.is_explicit(), "{:?}", closing.blocks());
     let q = sweep(&model, &mut closing, "crank", 1.0, 30);
-    let names: Vec<String> = model.placed.coordinate_names.clone();
+    let names: Vec<String> = model.zero_position().coordinate_names.to_vec();
     assert!(q.iter().all(|x| x.is_finite()), "{names:?}");
 }
 
@@ -165,7 +165,7 @@ fn other_conditions_close_implicitly() {
     let ramp = Table { breaks: vec![0.0, 1.0], coefficients: vec![[0.0, 0.0, 0.3, 0.0]] };
     let bar = four_bar([1.0, 0.3, 0.9, 0.7], 1.0, 1.0).cut("C").drive("C", Value::Table(ramp));
     let model: Model = bar.model();
-    assert!(model.drives[0].tree.is_none());
+    assert!(model.drives()[0].tree.is_none());
     let mut closing = model.loop_closing(0.0, &model.initial(), None).unwrap();
     let mut q = model.initial();
     for k in 0..10 {

@@ -14,7 +14,7 @@ fn six_bars() {
         for ground in grounds {
             let model = six_bar(watt, ground).model();
             for v in 0..model.size().nv {
-                let input = model.velocity_name(v);
+                let input = model.structure().velocity_name(v);
                 let mut closing = by(&model, &[&input]);
                 let easy = watt || ["1", "2", "3", "4"].contains(&input.as_str());
                 assert_eq!(closing.is_explicit(), easy, "{ground} {input}: {:?}", words(&closing));

@@ -111,7 +111,7 @@ fn slider_crank_with_offset() {
         let phi = crank + 2.1;
         let x = a * phi.cos() + (l * l - (a * phi.sin() - e) * (a * phi.sin() - e)).sqrt();
         let mut s = model.scratch();
-        model.look(&q, &vec![0.0; model.size().nv], &mut s);
+        model.equations().look(&q, &vec![0.0; model.size().nv], s.equations());
         let slider = model.spec.bodies.iter().position(|b| b.name == "slider").unwrap();
         let moved = model.body_state(slider, &s).position.0;
         assert!((moved[0] - x).abs() < 1e-15 && (moved[1] - e).abs() < 1e-15, "{moved:?} {x}");
@@ -213,7 +213,7 @@ fn assemblies_are_mirror_images() {
         .found
         .iter()
         .map(|a| {
-            model.look(&a.q, &vec![0.0; model.size().nv], &mut s);
+            model.equations().look(&a.q, &vec![0.0; model.size().nv], s.equations());
             let at = model.joint_state(2, &a.q, &vec![0.0; model.size().nv], &s).point;
             [at[0], at[1]]
         })

@@ -32,7 +32,7 @@ fn check(rng: &mut fastrand::Rng, model: &Model, m: &Moment) -> (usize, usize) {
     // inputs moved a little
     let mut dv = vec![0.0; nv];
     for &i in &inputs {
-        dv[i] = 1e-3 * between(rng, -1.0, 1.0) * model.characteristic_displacement(i);
+        dv[i] = 1e-3 * between(rng, -1.0, 1.0) * model.structure().displacement(i);
     }
     model.step(&mut q, &dv);
     if closing.close(m.t, &mut q).is_ok() {
@@ -40,7 +40,7 @@ fn check(rng: &mut fastrand::Rng, model: &Model, m: &Moment) -> (usize, usize) {
         assert!(closure_error < 1e-12, "open by {closure_error:.2e}");
         assert_eq!(own, branches(&closing));
         // derivatives of weak blocks are large
-        if closing.state().iter().all(|s| s.pivot > 0.1) && closing.is_explicit() && model.drives.is_empty() {
+        if closing.state().iter().all(|s| s.pivot > 0.1) && closing.is_explicit() && model.drives().is_empty() {
             assert_tangent(model, &mut closing, m.t, &q);
         }
     }
@@ -77,7 +77,7 @@ fn coupled_mechanisms() {
         let mut seen = 0;
         on_coupled_mechanisms(74, 30, wishes, &[0, 1, 2, 3, 4, 5], |rng, model, m| {
             // angles of two cut joints whose factors have no common part are held by their rates
-            if model.full.conditions.iter().all(|c| c.holonomic) {
+            if model.equations().full.conditions.iter().all(|c| c.holonomic) {
                 check(rng, model, m);
                 seen += 1;
             }

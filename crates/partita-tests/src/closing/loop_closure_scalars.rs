@@ -33,7 +33,7 @@ fn everywhere(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &Model, &Mome
     for (i, wishes) in KINDS.into_iter().enumerate() {
         let (mut explicit, mut implicit) = (0, 0);
         let mut see = |rng: &mut fastrand::Rng, model: &Model, m: &Moment| {
-            if model.full.conditions.iter().any(|c| !c.holonomic) {
+            if model.equations().full.conditions.iter().any(|c| !c.holonomic) {
                 return; // angles of two cut joints without a common period: their rates alone are held
             }
             let mut closing = model.loop_closing(m.t, &m.q, None).unwrap();
@@ -94,8 +94,8 @@ fn derivatives_by_lengths() {
             .map(|(name, x)| {
                 let mut d: Vec<f64> = x.iter().map(|_| between(rng, -0.3, 0.3)).collect();
                 if model.is_planar() {
-                    let off: f64 = d.iter().zip(model.placed.basis.0[2]).map(|(d, n)| d * n).sum();
-                    d.iter_mut().zip(model.placed.basis.0[2]).for_each(|(d, n)| *d -= off * n);
+                    let off: f64 = d.iter().zip(model.zero_position().basis.0[2]).map(|(d, n)| d * n).sum();
+                    d.iter_mut().zip(model.zero_position().basis.0[2]).for_each(|(d, n)| *d -= off * n);
                 }
                 (name, x.iter().zip(d).map(|(x, d)| Dual::new(*x, [d])).collect())
             })
@@ -126,7 +126,7 @@ fn eight_closings_at_once() {
         let lanes = model.over::<Lanes>().unwrap();
         let (together, excess) = closed_over(closing, &lanes, Lanes::from_f64(m.t), &input);
         for (l, q) in at.iter().enumerate() {
-            let (single, own) = closed_over(closing, model, m.t, q);
+            let (single, own) = closed_over(closing, model.equations(), m.t, q);
             assert!(single.iter().zip(&together).all(|(x, y)| x.to_bits() == y.0[l].to_bits()));
             assert_eq!(own.to_bits(), excess.0[l].to_bits());
             // and what the closing itself finds
@@ -171,7 +171,7 @@ fn a_recorded_closing() {
         let (mut work, mut out) = (vec![0.0; made.len()], vec![0.0; made.outputs()]);
         for _ in 0..3 {
             let q: Vec<f64> = m.q.iter().map(|q| q + between(&mut rng, -1e-2, 1e-2)).collect();
-            let (mut expected, excess) = closed_over(&closing, &model, m.t, &q);
+            let (mut expected, excess) = closed_over(&closing, model.equations(), m.t, &q);
             expected.push(excess);
             made.evaluate(&q, &mut work, &mut out);
             assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits() || x.is_nan() && y.is_nan()));
@@ -185,8 +185,8 @@ fn a_closing_belongs_to_its_model() {
     on_random_mechanisms(88, 2, KINDS[1], |_, model, m| {
         let closing = model.loop_closing(m.t, &m.q, None).unwrap();
         let other = model.with_parameters(&[]).unwrap();
-        let mut memory = closing.scratch_over(&other);
-        let refused = closing.close_over(&other, m.t, &mut m.q.clone(), &mut memory).unwrap_err();
+        let mut memory = closing.scratch_over(other.equations());
+        let refused = closing.close_over(other.equations(), m.t, &mut m.q.clone(), &mut memory).unwrap_err();
         assert!(refused.to_string().contains("different models"));
     });
 }

@@ -258,7 +258,7 @@ fn seven_revolutes_are_one_implicit_block() {
     let mut closing = model.loop_closing(0.0, &model.initial(), None).unwrap();
     assert!(!closing.is_explicit());
     assert_eq!(closing.inputs().len(), 1);
-    let input = model.velocity_name(closing.inputs()[0]);
+    let input = model.structure().velocity_name(closing.inputs()[0]);
     let unknown: usize = closing.blocks().iter().map(|b| b.unknown.len()).sum();
     assert_eq!(unknown, 5);
     sweep(&model, &mut closing, &input, 0.05, 8);

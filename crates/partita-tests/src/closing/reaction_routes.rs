@@ -39,7 +39,8 @@ fn moving(model: &Model, q: &[f64], rates: &[(usize, f64)]) -> Vec<f64> {
 }
 
 fn by_recursion(model: &Model, s: &Sample) -> Vec<Wrench> {
-    let found = model.reactions(s.t, &s.q, &s.v, &s.vdot, &s.multipliers, &mut model.scratch()).unwrap();
+    let found =
+        model.equations().reactions(s.t, &s.q, &s.v, &s.vdot, &s.multipliers, model.scratch().equations()).unwrap();
     // every body in balance: what any joint is held to
     assert!(found.residual < 1e-9, "{}: {:e}", model.spec.name, found.residual);
     found.joints
@@ -74,14 +75,14 @@ fn compare(draw: impl Fn() -> Drawing, rates: &[(&str, f64)]) {
         let model = cut(name);
         let (q, v) = model.transferred(&leading, &leading.initial(), &v);
         let here = sample(&model, &q, &v, None);
-        assert!(model.placed.joints[j].links.is_none(), "{name} was not cut");
+        assert!(model.zero_position().joints[j].links.is_none(), "{name} was not cut");
         cuts += 1;
         // the wrench of the multipliers themselves
         let by_closing = by_recursion(&model, &here);
         let largest = size(&by_closing);
         for elsewhere in &names {
             let other = cut(elsewhere);
-            if other.placed.joints[j].links.is_none() {
+            if other.zero_position().joints[j].links.is_none() {
                 continue;
             }
             let (q, v) = other.transferred(&model, &here.q, &here.v);

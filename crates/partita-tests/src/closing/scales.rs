@@ -46,7 +46,7 @@ fn scaled(mut spec: Spec, s: f64) -> Model {
 /// Coordinates or velocities with displacements divided by s.
 fn in_units(model: &Model, x: &[f64], s: f64, velocities: bool) -> Vec<f64> {
     let mut x = x.to_vec();
-    for l in model.full.links.iter().skip(1) {
+    for l in model.equations().full.links.iter().skip(1) {
         if matches!(l.motion, LinkMotion::Slide(_)) {
             x[if velocities { l.v } else { l.q }] /= s;
         }

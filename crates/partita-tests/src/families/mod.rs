@@ -179,7 +179,7 @@ pub fn spatial_cranks(n: usize) -> Drawing {
 /// The drawing with every link turned (slid) by up to `part` of a radian (of its characteristic displacement) against
 /// the world.
 pub fn rough(model: &Model, rng: &mut fastrand::Rng, part: f64) -> Vec<f64> {
-    let links = &model.full.links;
+    let links = &model.equations().full.links;
     let noise: Vec<f64> = (0..links.len()).map(|_| 2.0 * rng.f64() - 1.0).collect();
     let mut dv = vec![0.0; model.size().nv];
     for (i, l) in links.iter().enumerate().skip(1) {
@@ -188,7 +188,7 @@ pub fn rough(model: &Model, rng: &mut fastrand::Rng, part: f64) -> Vec<f64> {
                 let parent = matches!(links[l.parent].motion, LinkMotion::Turn(_)) && l.parent > 0;
                 dv[l.v] = part * (noise[i] - if parent { noise[l.parent] } else { 0.0 });
             }
-            LinkMotion::Slide(_) => dv[l.v] = part * model.characteristic_displacement(l.v) * noise[i],
+            LinkMotion::Slide(_) => dv[l.v] = part * model.structure().displacement(l.v) * noise[i],
             LinkMotion::Ball => (0..3).for_each(|k| dv[l.v + k] = part * (2.0 * rng.f64() - 1.0)),
         }
     }

@@ -223,12 +223,12 @@ pub fn squeezer() -> Drawing {
 }
 
 pub fn velocity(model: &Model, name: &str) -> usize {
-    (0..model.size().nv).find(|&i| model.velocity_name(i) == name).unwrap_or_else(|| panic!("no velocity {name}"))
+    model.structure().velocities.iter().position(|v| &*v.name == name).unwrap_or_else(|| panic!("no velocity {name}"))
 }
 
 pub fn coordinate(model: &Model, name: &str) -> usize {
     let at = |n: &String| n == name;
-    model.placed.coordinate_names.iter().position(at).unwrap_or_else(|| panic!("no coordinate {name}"))
+    model.zero_position().coordinate_names.iter().position(at).unwrap_or_else(|| panic!("no coordinate {name}"))
 }
 
 /// Largest |Φ|, and C by rows.
@@ -252,7 +252,7 @@ pub fn branches(closing: &LoopClosing) -> Vec<i8> {
 pub fn assert_closed(model: &Model, t: f64, q: &[f64], what: &str) {
     let angle = q.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
     let (closure_error, _) = position(model, t, q);
-    let allowed = model.placed.size.max(1.0) * f64::EPSILON * (20.0 + 6.0 * angle);
+    let allowed = model.extent().max(1.0) * f64::EPSILON * (20.0 + 6.0 * angle);
     assert!(closure_error <= allowed, "{what}: |Φ| = {closure_error:.2e}, allowed {allowed:.2e}");
 }
 
@@ -260,7 +260,7 @@ pub fn assert_closed(model: &Model, t: f64, q: &[f64], what: &str) {
 fn velocities(model: &Model, q: &[Vec<f64>; 5], h: f64) -> Vec<f64> {
     let d = |i: usize| (8.0 * (q[3][i] - q[1][i]) - (q[4][i] - q[0][i])) / (12.0 * h);
     let mut v = vec![0.0; model.size().nv];
-    for l in model.full.links.iter().skip(1) {
+    for l in model.equations().full.links.iter().skip(1) {
         if matches!(l.motion, LinkMotion::Ball) {
             let p = Quaternion([0, 1, 2, 3].map(|k| q[2][l.q + k]));
             let back = Quaternion([p.0[0], -p.0[1], -p.0[2], -p.0[3]]);
@@ -289,7 +289,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
             }
             velocities(model, &samples, h)
         };
-        let h = 1e-3 * model.characteristic_displacement(input);
+        let h = 1e-3 * model.structure().displacement(input);
         let (coarse, found) = (differences(2.0 * h), differences(h));
         let (_, c) = position(model, t, &samples[2]);
         let mut v = vec![0.0; found.len()];
@@ -308,7 +308,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
                     if let Some(j) = b.unknown.iter().position(|&u| u == k) {
                         m[i * n + j] = value;
                     } else if value != 0.0 {
-                        assert!(solved[k], "{}: row {r} needs {}", b.words, model.velocity_name(k));
+                        assert!(solved[k], "{}: row {r} needs {}", b.words, model.structure().velocities[k].name);
                         x[i] -= value * v[k];
                     }
                 }
@@ -317,7 +317,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
             lu(&mut m, n, &mut pivots).unwrap();
             lu_solve(&m, n, &pivots, &mut x);
             for (&u, x) in b.unknown.iter().zip(x) {
-                assert!(!std::mem::replace(&mut solved[u], true), "{} twice", model.velocity_name(u));
+                assert!(!std::mem::replace(&mut solved[u], true), "{} twice", model.structure().velocities[u].name);
                 v[u] = x;
             }
         }
@@ -325,7 +325,7 @@ pub fn assert_tangent(model: &Model, closing: &mut LoopClosing, t: f64, q: &[f64
         for (i, (a, b)) in found.iter().zip(&v).enumerate() {
             // the error of the differences is a fifteenth of what halving their step changes, their round-off 1e-15/h
             let allowed = 1e-8 * (1.0 + b.abs()) + 0.2 * (coarse[i] - a).abs();
-            assert!((a - b).abs() < allowed, "{}: {a} by differences, {b}", model.velocity_name(i));
+            assert!((a - b).abs() < allowed, "{}: {a} by differences, {b}", model.structure().velocities[i].name);
         }
     }
 }

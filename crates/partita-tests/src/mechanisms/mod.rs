@@ -187,8 +187,8 @@ fn on_mechanisms(
 /// All bodies at (q, v).
 pub fn bodies(model: &Model, q: &[f64], v: &[f64]) -> Vec<BodyState> {
     let mut s = model.scratch();
-    model.look(q, v, &mut s);
-    (0..model.placed.bodies.len()).map(|i| model.body_state(i, &s)).collect()
+    model.equations().look(q, v, s.equations());
+    (0..model.spec.bodies.len()).map(|i| model.body_state(i, &s)).collect()
 }
 
 /// Derivative at 0 by central differences of fourth order: error h⁴/30 times the fifth derivative, round-off ε/h.

@@ -254,7 +254,7 @@ fn count_moving(name: &str, model: &Model, m: &Moment, what: &str) {
     f.start(m.t, &m.q, &m.v, &mut y).unwrap();
     f.rates(m.t, &y, &mut dy, Depth::Rates).unwrap();
     let (start, slope, mut turns) = (y.clone(), dy.clone(), vec![0; m.q.len()]);
-    let holonomic = model.full.conditions.iter().all(|c| c.holonomic);
+    let holonomic = model.equations().full.conditions.iter().all(|c| c.holonomic);
     let mut around = |count: i32| {
         for i in 0..count {
             // along the motion, as stages of a step are
@@ -301,7 +301,7 @@ fn loads_and_couplings_allocate_nothing() {
             for name in ["projective", "multipliers", "range-space"] {
                 count_moving(name, &model, &moment, &what);
             }
-            if model.full.conditions.iter().all(|c| c.holonomic) {
+            if model.equations().full.conditions.iter().all(|c| c.holonomic) {
                 count_moving("wehage-haug", &model, &moment, &what);
                 count_moving("explicit-closing", &model, &moment, &what);
             }

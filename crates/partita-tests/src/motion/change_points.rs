@@ -31,7 +31,7 @@ struct PathError {
 fn run(model: &Model, rule: &str, rate: f64, options: Options, times: &[f64], exact: &[f64]) -> PathError {
     let q = model.initial();
     let rank = start::analyse(model, 0.0, &q).unwrap().rank;
-    let upright = (0..model.size().nv).find(|&i| model.velocity_name(i) == "P0").unwrap();
+    let upright = model.structure().velocities.iter().position(|v| &*v.name == "P0").unwrap();
     let mut r = Reduction::new(model, rank);
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
     let v = velocity::with_rates(&mut r, 0.0, &q, &[(upright, -rate)]).unwrap();

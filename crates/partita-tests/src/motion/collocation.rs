@@ -266,7 +266,7 @@ fn run(
 ) -> (Vec<Output>, Outcome) {
     let q = model.initial();
     let found = start::analyse(model, 0.0, &q).unwrap();
-    let driven = (0..model.size().nv).find(|&i| model.velocity_name(i) == joint).unwrap();
+    let driven = model.structure().velocities.iter().position(|v| &*v.name == joint).unwrap();
     let mut r = Reduction::new(model, found.rank);
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
     let v = velocity::with_rates(&mut r, 0.0, &q, &[(driven, rate)]).unwrap();
@@ -293,7 +293,7 @@ fn dop853() -> (&'static dyn Method, Options) {
 #[test]
 fn a_march_of_the_four_bar_has_the_order_of_collocation() {
     let model = four_bar([1.0, 0.4, 0.9, 0.8], 0.8, 1.0).model();
-    let joint = model.velocity_name(0);
+    let joint = model.structure().velocity_name(0);
     // at the end of a step, and at the same part of the one that follows it
     let steps = [0.025, 0.0125];
     let at = |h: f64| [0.75, 0.75 + 0.3 * h];
@@ -315,7 +315,7 @@ fn a_march_of_the_four_bar_has_the_order_of_collocation() {
 #[test]
 fn steps_chosen_by_another_estimate_change_coordinates_and_keep_the_tolerance() {
     let model = four_bar([1.0, 0.4, 0.9, 0.8], 0.8, 1.0).model();
-    let joint = model.velocity_name(0);
+    let joint = model.structure().velocity_name(0);
     let at: Vec<f64> = (0..=20).map(|i| 0.2 * f64::from(i)).collect();
     let (method, options) = dop853();
     let (exact, other) = run(&model, &joint, 3.0, &at, method, options);
@@ -334,7 +334,7 @@ fn singular_positions_are_crossed_between_steps_of_any_method() {
     let (t_end, rate) = (3.0, 1.237);
     let options = Options { rtol: 1e-8, atol: 1e-10.into(), ..Options::default() };
     let (outputs, outcome) = run(&model, "P0", -rate, &[t_end], &Gauss, options);
-    let upright = (0..model.size().nv).find(|&i| model.velocity_name(i) == "P0").unwrap();
+    let upright = model.structure().velocities.iter().position(|v| &*v.name == "P0").unwrap();
     let reached = turns::whole(outputs[0].q[upright], outputs[0].turns[upright]);
     let exact = upright_angle(loops, rate, &[t_end])[0];
     assert!(outcome.crossings.count() >= 2, "{:?}", outcome.crossings);

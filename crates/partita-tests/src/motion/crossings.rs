@@ -30,7 +30,7 @@ fn chains_pass_all_their_singular_positions_on_their_branch() {
         let q = model.initial();
         let found = start::analyse(&model, 0.0, &q).unwrap();
         assert_eq!(found.rank, 2 * loops);
-        let upright = (0..model.size().nv).find(|&i| model.velocity_name(i) == "P0").unwrap();
+        let upright = model.structure().velocities.iter().position(|v| &*v.name == "P0").unwrap();
         for k in 0..10 {
             let rate = 1.0 + 0.237 * f64::from(k);
             let exact = upright_angle(loops, rate, &[t_end])[0];

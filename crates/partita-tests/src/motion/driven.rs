@@ -80,7 +80,7 @@ fn energy_less_work_is_kept() {
             );
             assert!(samples.iter().all(|s| s.closure < 1e-11 && s.velocity_closure < 1e-10));
             marched += 1;
-            driven += usize::from(model.rheonomic());
+            driven += usize::from(model.structure().rheonomic);
         });
         assert!(marched >= 20 && driven >= 3, "{marched} {driven}");
     }
@@ -129,15 +129,18 @@ fn a_driven_crank() {
         let m = Moment { t: 0.0, q, v: vec![0.0; n], vdot: vec![0.0; n], lambda: vec![], rank };
         let at: Vec<f64> = (0..=20).map(|i| 0.1 * f64::from(i)).collect();
         let samples = march(&model, &m, &at).unwrap();
-        let crank = model.drives[0].tree.unwrap().0;
+        let crank = model.drives()[0].tree.unwrap().0;
         for s in &samples {
             // the drive is a constraint: kept to round-off, also in its speed
             let (sin, cos) = (1.7 * s.t).sin_cos();
             assert!((s.q[crank] - 0.3 * sin - 0.2 * s.t).abs() < 1e-14);
             assert!((s.v[crank] - 0.51 * cos - 0.2).abs() < 1e-13);
             // its multiplier is the motor's effort, on the joint's own axis
-            let r = model.reactions(s.t, &s.q, &s.v, &s.vdot, &s.multipliers, &mut model.scratch()).unwrap();
-            let motor = s.multipliers[model.drives[0].row];
+            let r = model
+                .equations()
+                .reactions(s.t, &s.q, &s.v, &s.vdot, &s.multipliers, model.scratch().equations())
+                .unwrap();
+            let motor = s.multipliers[model.drives()[0].row];
             assert_eq!(r.drives[0], [motor]);
             assert!((r.joints[0].moment.0[2] - motor).abs() < 1e-10 * (1.0 + motor.abs()));
             assert!(r.residual < 1e-9);
@@ -181,7 +184,7 @@ fn speeds_that_nobody_asked_for_take_the_least_energy() {
                 assert!(along(&motion, &v).abs() < 1e-10 * size, "{:e}", along(&motion, &v) / size);
             }
             asked += 1;
-            driven += usize::from(model.rheonomic());
+            driven += usize::from(model.structure().rheonomic);
         });
     }
     assert!(asked >= 20 && driven >= 5, "{asked} {driven}");

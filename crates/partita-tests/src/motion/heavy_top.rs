@@ -198,7 +198,7 @@ fn tangent_forms_tumble_alike() {
     const STEPS: [f64; 4] = [0.004, 0.002, 0.001, 0.0005];
     let (absolute, relative) = both();
     let ((q, v), (q0, v0)) = start(&absolute, &relative);
-    assert!((0..3).all(|i| relative.coordinates_of(i) == (0..4)));
+    assert!((0..3).all(|i| relative.structure().velocities[i].coordinates == (0..4)));
     let at: Vec<f64> = (1..=6).map(|i| 0.25 * f64::from(i)).collect();
     let exact = march(&mut Projective::new(&relative, 0, &FormulationOptions::default()), &q0, &v0, &at, None);
     let exact = states(&relative, &exact);
@@ -235,7 +235,7 @@ fn a_chart_of_turns_moves_as_its_ball_turns() {
     let ((q, v), (q0, v0)) = start(&absolute, &relative);
     for (model, rank, q, v) in [(&absolute, 3, &q, &v), (&relative, 0, &q0, &v0)] {
         let mut f = TangentSpace::new(model, rank, &FormulationOptions::default()).unwrap();
-        let mut y = vec![0.0; 6 + usize::from(model.has_power())];
+        let mut y = vec![0.0; 6 + usize::from(model.structure().has_power)];
         f.start(0.0, q, v, &mut y).unwrap();
         // Θ of a few tenths up to more than two
         for size in [0.1, 0.4, 0.8] {

@@ -23,10 +23,10 @@ fn least_singular_value(r: &Reduction<Model>, model: &Model) -> f64 {
     let pattern = model.pattern();
     let mut c = Matrix::new(r.partition.rows.len(), model.size().nv);
     for (row, &i) in r.partition.rows.iter().enumerate() {
-        let size = model.row_displacement(i).unwrap_or(1.0);
+        let size = model.structure().rows[i].size();
         for e in pattern.row(i) {
             let column = pattern.col_idx[e];
-            c.row_mut(row)[column] += r.c[e] * model.characteristic_displacement(column) / size;
+            c.row_mut(row)[column] += r.c[e] * model.structure().displacement(column) / size;
         }
     }
     svd(&c).unwrap().s.last().copied().unwrap()
@@ -144,7 +144,7 @@ fn dead_points_of_the_coordinates_hide_no_singular_position() {
             let q = model.initial();
             let mut r = Reduction::new(&model, start::analyse(&model, 0.0, &q).unwrap().rank);
             start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
-            let input = (0..model.size().nv).find(|&i| model.velocity_name(i) == independent).unwrap();
+            let input = model.structure().velocities.iter().position(|v| &*v.name == independent).unwrap();
             r.set_partition(0.0, &[input]).unwrap();
             r.tangent(0.0).unwrap();
             let (distance, least) = (r.distance().0, least_singular_value(&r, &model));

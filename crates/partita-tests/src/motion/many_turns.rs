@@ -38,7 +38,7 @@ fn crank_and_rocker() -> Model {
 /// The largest closure error at these outputs, and the angle of the crank at the last.
 fn run(rtol: f64, t_eval: &[f64]) -> (f64, f64) {
     let model = crank_and_rocker();
-    let crank = (0..model.size().nv).find(|&i| model.velocity_name(i) == "A").unwrap();
+    let crank = model.structure().velocities.iter().position(|v| &*v.name == "A").unwrap();
     let q = model.initial();
     let rank = start::analyse(&model, 0.0, &q).unwrap().rank;
     let mut f = Projective::new(&model, rank, &FormulationOptions::default());
@@ -88,7 +88,7 @@ fn outputs_of_a_loose_run_close_to_round_off() {
 #[test]
 fn turns_are_taken_off_to_the_last_digit() {
     let model = crank_and_rocker();
-    let crank = (0..model.size().nv).find(|&i| model.velocity_name(i) == "A").unwrap();
+    let crank = model.structure().velocities.iter().position(|v| &*v.name == "A").unwrap();
     for i in 0..600 {
         // four turns and less than half a one more
         let before = (25.0 + 0.005 * f64::from(i + 1)) * if i % 2 == 0 { 1.0 } else { -1.0 };
@@ -108,7 +108,7 @@ fn turns_are_taken_off_to_the_last_digit() {
 #[test]
 fn every_form_counts_the_same_turns() {
     let model = crank_and_rocker();
-    let crank = (0..model.size().nv).find(|&i| model.velocity_name(i) == "A").unwrap();
+    let crank = model.structure().velocities.iter().position(|v| &*v.name == "A").unwrap();
     let q = model.initial();
     let rank = start::analyse(&model, 0.0, &q).unwrap().rank;
     let mut r = Reduction::new(&model, rank);

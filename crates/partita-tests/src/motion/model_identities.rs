@@ -240,7 +240,17 @@ fn projection_by_partial_velocities() {
             let (mut md3, mut hd3) = (vec![0.0; k * k], vec![0.0; k]);
             {
                 let (mut s, _) = evaluated(model, m.t, &m.q, &m.v);
-                Evaluator::project(model, m.t, &m.q, &m.v, (k, &dt, &delta), &mut s, &mut md3, &mut hd3).unwrap();
+                Evaluator::project(
+                    model.equations(),
+                    m.t,
+                    &m.q,
+                    &m.v,
+                    (k, &dt, &delta),
+                    s.equations(),
+                    &mut md3,
+                    &mut hd3,
+                )
+                .unwrap();
                 assert!(apart(&md, &md3) < ROUND_OFF && apart(&hd, &hd3) < ROUND_OFF, "k = {k}");
             }
         }
@@ -261,7 +271,7 @@ fn power_balance() {
         });
         let (_, _, a) = position(model, m.t, &m.q);
         let power = model.power(m.t, &m.q, &m.v, &mut s).unwrap() - dense::dot(&m.lambda, &a);
-        driven += usize::from(model.rheonomic());
+        driven += usize::from(model.structure().rheonomic);
         let size = 1.0 + energy[0].abs() + m.vdot.iter().fold(0.0, |s: f64, x| s.max(x.abs()));
         assert!((energy[0] - power).abs() < DIFFERENCE * size, "{} against {power}", energy[0]);
     });
@@ -297,7 +307,7 @@ fn the_plane_is_a_part_of_space() {
         let space = model.in_space().unwrap();
         assert!(model.is_planar() && !space.is_planar());
         assert_eq!(model.size().nv, space.size().nv);
-        tilted += usize::from(model.placed.basis.0[2][2] < 0.9);
+        tilted += usize::from(model.zero_position().basis.0[2][2] < 0.9);
         let found = start::analyse(&space, m.t, &m.q).unwrap();
         assert_eq!(found.rank, m.rank, "the same degrees of freedom");
         let mut r = Reduction::new(&space, found.rank);

@@ -94,7 +94,7 @@ fn the_largest_measures_are_collectively_singular() {
     assert!(sigma >= 0.46, "σ = {sigma} with {:?}, {rho:?}", r.partition.independent);
     // one by one: the three base angles
     let top = one_by_one(&rho, 3);
-    let names: Vec<String> = top.iter().map(|&i| model.velocity_name(i)).collect();
+    let names: Vec<String> = top.iter().map(|&i| model.structure().velocity_name(i)).collect();
     assert_eq!(names, ["base0", "base1", "base2"], "{rho:?}");
     let mut largest = top.iter().map(|&i| rho[i]).collect::<Vec<_>>();
     largest.sort_by(f64::total_cmp);

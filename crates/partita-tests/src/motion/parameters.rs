@@ -28,7 +28,7 @@ fn everything<S: Scalar>(e: &Evaluator<S>, nnz: usize, rows: usize, m: &Moment) 
 
 /// A change of every parameter: inertias keep their shape, points of a planar mechanism its plane.
 fn along(rng: &mut fastrand::Rng, model: &Model) -> Vec<(String, Vec<f64>, Vec<f64>)> {
-    let normal = model.placed.basis.0[2];
+    let normal = model.zero_position().basis.0[2];
     let in_plane = |mut x: Vec<f64>| {
         if model.is_planar() {
             let off: f64 = x.iter().zip(normal).map(|(x, n)| x * n).sum();
@@ -64,12 +64,13 @@ fn changed_parameters_are_those_of_a_new_model() {
             let anew = compile(&changed.spec, Coordinates::Relative).unwrap();
             let (size, nnz) = (model.size(), model.pattern().nnz());
             assert_eq!((anew.size(), anew.pattern()), (size, model.pattern()));
-            let (x, y) = (everything(&changed, nnz, size.rows, m), everything(&anew, nnz, size.rows, m));
+            let (x, y) =
+                (everything(changed.equations(), nnz, size.rows, m), everything(anew.equations(), nnz, size.rows, m));
             // sums of some tens of products, with turns recovered from products of rotations
             assert!(apart(&x, &y) < 1e-12, "{:e}", apart(&x, &y));
-            assert!(apart(&x, &everything(model, nnz, size.rows, m)) > 1e-6);
+            assert!(apart(&x, &everything(model.equations(), nnz, size.rows, m)) > 1e-6);
             for i in 0..size.nv {
-                assert!((changed.characteristic_displacement(i) - anew.characteristic_displacement(i)).abs() < 1e-12);
+                assert!((changed.structure().displacement(i) - anew.structure().displacement(i)).abs() < 1e-12);
             }
         });
     }
@@ -89,7 +90,8 @@ fn derivatives_by_parameters_agree_with_differences() {
                     part.iter().zip(&seeds).map(|(a, x)| (a.0.as_str(), &x[..])).collect();
                 let dual = everything(&model.over_with(&changes).unwrap(), nnz, size.rows, m);
                 let slopes: Vec<f64> = dual.iter().map(|x| x.eps[0]).collect();
-                let differences = derivative(STEP, |h| everything(&moved(model, part, h), nnz, size.rows, m));
+                let differences =
+                    derivative(STEP, |h| everything(moved(model, part, h).equations(), nnz, size.rows, m));
                 assert!(apart(&slopes, &differences) < 1e-6, "{}: {:e}", part[0].0, apart(&slopes, &differences));
             }
         });
@@ -100,7 +102,7 @@ fn derivatives_by_parameters_agree_with_differences() {
 fn parameters_that_cannot_be_are_refused() {
     let mut rng = fastrand::Rng::with_seed(45);
     let model = std::iter::repeat_with(|| drawing(&mut rng, KINDS[1]))
-        .find_map(|s| compile(&s, Coordinates::Relative).filter(|m| m.is_planar() && m.placed.topology.cuts.len() == 1))
+        .find_map(|s| compile(&s, Coordinates::Relative).filter(|m| m.is_planar() && m.cuts().len() == 1))
         .unwrap();
     let refused = |changes: &[(&str, &[f64])]| model.with_parameters(changes).err().unwrap().to_string();
     assert!(refused(&[("body1.colour", &[1.0])]).contains("there is no such parameter"));
@@ -120,10 +122,11 @@ fn threads_share_a_model() {
     on_random_mechanisms(46, 5, KINDS[0], |_, model, m| {
         shared(model);
         let (nnz, rows) = (model.pattern().nnz(), model.size().rows);
-        let alone = everything(model, nnz, rows, m);
+        let alone = everything(model.equations(), nnz, rows, m);
         std::thread::scope(|scope| {
-            let all: Vec<_> =
-                (0..4).map(|_| scope.spawn(|| (0..20).all(|_| everything(model, nnz, rows, m) == alone))).collect();
+            let all: Vec<_> = (0..4)
+                .map(|_| scope.spawn(|| (0..20).all(|_| everything(model.equations(), nnz, rows, m) == alone)))
+                .collect();
             assert!(all.into_iter().all(|t| t.join().unwrap()));
         });
     });

@@ -16,7 +16,7 @@ const UNBOUND: Wishes = Wishes { planar: false, bound: false, drives: false };
 const COUNT: usize = 80;
 
 fn reactions(model: &Model, m: &Moment) -> Reactions {
-    model.reactions(m.t, &m.q, &m.v, &m.vdot, &m.lambda, &mut model.scratch()).unwrap()
+    model.equations().reactions(m.t, &m.q, &m.v, &m.vdot, &m.lambda, model.scratch().equations()).unwrap()
 }
 
 /// Moments and forces of all joints, one after the other; lengths are of the order of 1.
@@ -28,7 +28,7 @@ fn wrenches(model: &Model, r: &Reactions) -> Vec<f64> {
         return r.joints.iter().flat_map(|w| w.moment.0.into_iter().chain(w.force.0)).collect();
     }
     let inside = |w: &Wrench| {
-        let (m, f) = (model.placed.basis.apply(w.moment), model.placed.basis.apply(w.force));
+        let (m, f) = (model.zero_position().basis.apply(w.moment), model.zero_position().basis.apply(w.force));
         [m.0[2], f.0[0], f.0[1]]
     };
     r.joints.iter().flat_map(inside).collect()
@@ -54,8 +54,8 @@ fn reactions_do_no_work_on_free_motions() {
             let r = reactions(model, m);
             let states = bodies(model, &m.q, &m.v);
             let mut s = model.scratch();
-            model.look(&m.q, &m.v, &mut s);
-            for (j, p) in model.placed.joints.iter().enumerate() {
+            model.equations().look(&m.q, &m.v, s.equations());
+            for (j, p) in model.zero_position().joints.iter().enumerate() {
                 let x = model.joint_state(j, &m.q, &m.v, &s);
                 // velocity of the point of space at the joint, as carried by a node
                 let at = |node: usize| match node {
@@ -117,7 +117,7 @@ fn reactions_do_not_depend_on_the_cut() {
             for _ in 0..3 {
                 let j = rng.usize(0..model.spec.joints.len());
                 let Some(other) = compile(&cut_elsewhere(&model.spec, j), Coordinates::Relative) else { continue };
-                if other.placed.topology == model.placed.topology || other.is_planar() != planar {
+                if other.zero_position().topology == model.zero_position().topology || other.is_planar() != planar {
                     continue;
                 }
                 let Some(there) = in_coordinates(model, m, &other) else { continue };
@@ -127,7 +127,7 @@ fn reactions_do_not_depend_on_the_cut() {
                 let off = apart(&here, &wrenches(model, &r));
                 assert!(off < 1e-8, "off by {off:e} with {:?} cut", model.spec.joints[j].kind);
                 compared += 1;
-                for &c in &other.placed.topology.cuts {
+                for &c in other.cuts() {
                     kinds.insert(format!("{:?}", other.spec.joints[c].kind));
                 }
             }
@@ -168,7 +168,7 @@ fn absolute_coordinates_give_the_same_motion_and_reactions() {
 fn drawings_are_rich() {
     let mut seen: BTreeSet<String> = BTreeSet::new();
     on_random_mechanisms(22, COUNT, ALL, |_, model, _| {
-        for (p, j) in model.placed.joints.iter().zip(&model.spec.joints) {
+        for (p, j) in model.zero_position().joints.iter().zip(&model.spec.joints) {
             let role = match (&p.links, p.reversed) {
                 (None, _) => "cut",
                 (Some(_), true) => "reversed",

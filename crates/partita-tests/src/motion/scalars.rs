@@ -123,7 +123,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 continue;
             };
             kinds.extend(model.spec.joints.iter().map(|j| format!("{:?}", j.kind)));
-            elements.extend(model.full.elements.iter().map(|e| match e {
+            elements.extend(model.equations().full.elements.iter().map(|e| match e {
                 Element::Spring(_) => "spring",
                 Element::Load(load) => match (&load.law, load.sides.is_some()) {
                     (LoadLaw::SpringDamper(_), false) => "torsion",
@@ -145,7 +145,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 Element::Weightless(_) => "weightless",
                 Element::Gravity(_) => "gravity",
             }));
-            conditions.extend(model.full.conditions.iter().map(|c| {
+            conditions.extend(model.equations().full.conditions.iter().map(|c| {
                 let form = match &c.says {
                     Says::Law(law, readings) => match (law, &readings[0].quantity) {
                         (Law::Linear { .. }, Quantity::Coordinate { .. }) => "coordinates",
@@ -312,9 +312,10 @@ fn dual_numbers_agree_with_differences() {
         let x = layout.input(rng, m);
         let along: Vec<f64> = x.iter().map(|_| between(rng, -1.0, 1.0)).collect();
         let moved = |h: f64| -> Vec<f64> { x.iter().zip(&along).map(|(x, d)| x + h * d).collect() };
-        let differences = derivative(STEP, |h| components(layout.everything(model, &choices, &moved(h))));
+        let differences = derivative(STEP, |h| components(layout.everything(model.equations(), &choices, &moved(h))));
         let duals: Vec<Dual> = x.iter().zip(&along).map(|(x, d)| Dual::new(*x, [*d])).collect();
-        let (plain, duals) = (layout.everything(model, &choices, &x), layout.everything(&dual, &choices, &duals));
+        let (plain, duals) =
+            (layout.everything(model.equations(), &choices, &x), layout.everything(&dual, &choices, &duals));
         let mut differences = &differences[..];
         for ((name, values), (_, duals)) in plain.iter().zip(&duals) {
             let (own, rest) = differences.split_at(values.len());
@@ -340,7 +341,9 @@ fn eight_lanes_are_eight_evaluations() {
         let input: Vec<Lanes> = (0..x.len()).map(|i| Lanes::from_fn(|l| all[l][i])).collect();
         let together = layout.everything(&lanes, &choices, &input);
         for (l, x) in all.iter().enumerate() {
-            for ((name, single), (_, together)) in layout.everything(model, &choices, x).iter().zip(&together) {
+            for ((name, single), (_, together)) in
+                layout.everything(model.equations(), &choices, x).iter().zip(&together)
+            {
                 let same = single.iter().zip(together).all(|(x, y)| x.to_bits() == y.0[l].to_bits());
                 assert!(same, "{name} in lane {l}");
             }
@@ -368,7 +371,7 @@ fn a_recording_is_the_evaluation() {
             let mut x: Vec<f64> = x.iter().map(|x| x + between(rng, -0.2, 0.2)).collect();
             x[0] = between(rng, 0.0, 0.6);
             made.evaluate(&x, &mut work, &mut out);
-            let expected = components(layout.everything(model, &choices, &x));
+            let expected = components(layout.everything(model.equations(), &choices, &x));
             assert!(expected.iter().zip(&out).all(|(x, y)| x.to_bits() == y.to_bits()));
             // the same but for the sign of a zero
             lean.evaluate(&x, &mut work, &mut less);
@@ -441,7 +444,7 @@ fn a_function_is_called_once_for_each_force() {
         asked("equations");
         model.energy(0.2, &q, &v, &s).unwrap();
         asked("energies");
-        model.reactions(0.2, &q, &v, &v, &rows, &mut s).unwrap();
+        model.equations().reactions(0.2, &q, &v, &v, &rows, s.equations()).unwrap();
         asked("reactions");
     }
 }

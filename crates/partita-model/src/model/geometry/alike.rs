@@ -101,7 +101,7 @@ pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
     if bearings::are_off(model, tolerance) {
         return true;
     }
-    let (size, near) = (model.placed.size, tolerance::INTENDED_PARALLEL * tolerance * model.placed.size);
+    let (size, near) = (model.own.placed.size, tolerance::INTENDED_PARALLEL * tolerance * model.own.placed.size);
     blocks::joints_of_blocks(&model.spec).into_iter().filter(|joints| is_sought(joints.len())).any(|joints| {
         let pins = pins(model, joints);
         let off = |x: &Alike| x.conditions(&pins, size).iter().any(|x| x.off.abs() > tolerance::SUM_ROUNDING);
@@ -113,7 +113,7 @@ pub(super) fn is_unlike(model: &Model, tolerance: f64) -> bool {
 fn pins(model: &Model, joints: impl IntoIterator<Item = usize>) -> Vec<Pin> {
     let mut pins = Vec::new();
     for j in joints {
-        let (joint, placed) = (&model.spec.joints[j], &model.placed.joints[j]);
+        let (joint, placed) = (&model.spec.joints[j], &model.own.placed.joints[j]);
         let turns = matches!(joint.kind, JointKind::Revolute | JointKind::Cylindrical);
         let (true, Some(axis), Ok(align)) = (turns, joint.axis.and_then(|x| Vec3(x).unit()), alignment(joint)) else {
             continue;

@@ -45,7 +45,7 @@ struct Beside<'m> {
 /// Whether some joints beside each other are off by more than rounding and less than the tolerance. Cost: proportional to
 /// the joints.
 pub(super) fn are_off(model: &Model, tolerance: f64) -> bool {
-    let beside = Beside::new(model, model.placed.size);
+    let beside = Beside::new(model, model.own.placed.size);
     beside.groups().iter().any(|joints| beside.laid(joints).iter().any(|own| beside.is_within(own, tolerance)))
 }
 
@@ -70,7 +70,7 @@ impl Drawing {
     /// Whether the two bodies of these joints, by themselves, have more degrees of freedom after this change.
     fn frees(&self, numbers: &[f64], joints: &[usize], fixed: &[usize], tolerance: f64) -> bool {
         let Some(changed) = self.changed_to(numbers) else { return false };
-        let Some(placed) = joints.first().map(|&j| &self.model.placed.joints[j]) else { return false };
+        let Some(placed) = joints.first().map(|&j| &self.model.own.placed.joints[j]) else { return false };
         let ends = [fixed[placed.parent], fixed[placed.child]];
         let (base, other) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
         let dof = |of: &Self| {
@@ -81,7 +81,7 @@ impl Drawing {
             };
             let mut own: Vec<Joint> = joints.iter().map(|&j| spec.joints[j].clone()).collect();
             for (joint, &j) in own.iter_mut().zip(joints) {
-                let placed = &of.model.placed.joints[j];
+                let placed = &of.model.own.placed.joints[j];
                 (joint.parent, joint.child) = (name(placed.parent), name(placed.child));
             }
             let own = Spec {
@@ -119,7 +119,7 @@ impl<'m> Beside<'m> {
     /// For each body (0 the ground) the first of those that are fixed to it where they are drawn.
     fn fixed_to_each_other(&self) -> Vec<usize> {
         let mut first: Vec<usize> = (0..=self.model.spec.bodies.len()).collect();
-        for (joint, placed) in self.model.spec.joints.iter().zip(&self.model.placed.joints) {
+        for (joint, placed) in self.model.spec.joints.iter().zip(&self.model.own.placed.joints) {
             let in_place = joint.child_point.is_none() && joint.child_axis.is_none() && joint.child_frame.is_none();
             if joint.kind == JointKind::Fixed && in_place {
                 let (a, b) = (first[placed.parent], first[placed.child]);
@@ -132,7 +132,7 @@ impl<'m> Beside<'m> {
     /// Joints with the same two bodies, where there is more than one.
     fn groups(&self) -> Vec<Vec<usize>> {
         let mut found: BTreeMap<[usize; 2], Vec<usize>> = BTreeMap::new();
-        for (j, placed) in self.model.placed.joints.iter().enumerate() {
+        for (j, placed) in self.model.own.placed.joints.iter().enumerate() {
             let (a, b) = (self.fixed[placed.parent], self.fixed[placed.child]);
             if a != b {
                 found.entry([a.min(b), a.max(b)]).or_default().push(j);
@@ -144,7 +144,7 @@ impl<'m> Beside<'m> {
     /// What these joints say of an axis, each on the body that is drawn first and on the other one.
     fn sides(&self, joints: &[usize]) -> Vec<Side> {
         let side = |&j: &usize| {
-            let (joint, placed) = (&self.model.spec.joints[j], &self.model.placed.joints[j]);
+            let (joint, placed) = (&self.model.spec.joints[j], &self.model.own.placed.joints[j]);
             let mut on = features(joint, j * OWN)?;
             if self.fixed[placed.parent] > self.fixed[placed.child] {
                 on.reverse();

@@ -136,15 +136,15 @@ pub(super) fn joints_of_blocks(spec: &Spec) -> Vec<Vec<usize>> {
 impl Model {
     /// Displacements of all bodies.
     pub(super) fn pose(&self, q: &[f64]) -> Pose {
-        let mut s = self.full.scratch();
-        self.full.poses(q, &mut s);
-        let out = self.placed.basis;
+        let mut s = self.own.full.scratch();
+        self.own.full.poses(q, &mut s);
+        let out = self.own.placed.basis;
         let mut all = HashMap::new();
-        for (own, body) in self.placed.bodies.iter().zip(&self.spec.bodies) {
+        for (own, body) in self.own.placed.bodies.iter().zip(&self.spec.bodies) {
             let rot = Mat3(body.orientation);
             let turned: Mat3<f64> = out.transpose().mul(&s.links[own.link].rot).mul(&own.rot);
-            let com = self.full.reference_point(own.link, &s)
-                + s.links[own.link].rot.apply(own.com - self.reference()[own.link]);
+            let com = self.own.full.reference_point(own.link, &s)
+                + s.links[own.link].rot.apply(own.com - self.own.reference()[own.link]);
             let turn = turned.mul(&rot.transpose());
             let drawn = Vec3(body.position) + rot.apply(Vec3(body.com));
             all.insert(body.name.clone(), Moved { turn, shift: out.apply_transposed(com) - turn.apply(drawn) });
@@ -168,7 +168,7 @@ impl Model {
         if !self.spec.couplings.is_empty() {
             return None;
         }
-        let is_rigid = |i: usize| self.placed.joints[i].shape.mobility() == 0;
+        let is_rigid = |i: usize| self.own.placed.joints[i].shape.mobility() == 0;
         let pose = self.pose(q);
         length(&self.spec, is_rigid, |name| pose.of(name))
     }
@@ -176,11 +176,10 @@ impl Model {
     /// Measure displacements in fractions of this length.
     pub(super) fn measure_in(&mut self, length: f64) {
         for l in self.own.full.links.iter().skip(1).filter(|l| matches!(l.motion, LinkMotion::Slide(_))) {
-            self.displacement[l.v] = length;
+            self.structure.velocities[l.v].displacement = length;
         }
-        let closings = self.closing_rows;
-        let rows = self.row_displacement.iter_mut().zip(&self.row_is_angle).take(closings).filter(|x| !x.1);
-        rows.for_each(|(size, _)| *size = Some(length));
+        let closings = self.structure.rows[..self.closing_rows].iter_mut();
+        closings.filter(|row| !row.is_angle).for_each(|row| row.displacement = Some(length));
     }
 }
 

@@ -164,14 +164,14 @@ impl Drawing {
         let columns = OWN * self.model.spec.joints.len();
         let (mut rows, mut closure_error): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         let mut kernel = Kernel::new(&self.model, 0.0);
-        let mut s = self.model.full.scratch();
+        let mut s = self.model.own.full.scratch();
         let mut still = Vec::with_capacity(at.len());
         for mut q in at.drain(..) {
             if kernel.close(&mut q, cut)?.is_none() {
                 continue;
             }
             let stresses = kernel.stresses(&q, cut)?;
-            self.model.full.poses(&q, &mut s);
+            self.model.own.full.poses(&q, &mut s);
             for stress in &stresses {
                 let mut row = vec![0.0; columns];
                 let weights = stress.iter().zip(&kernel.sizes).map(|(x, size)| x / size);
@@ -228,7 +228,7 @@ impl Drawing {
     pub(super) fn lengths(&self) -> Vec<f64> {
         let model = &self.model;
         let mut frames: Vec<(usize, Vec3<f64>, Option<Vec3<f64>>)> = Vec::new();
-        for (joint, placed) in model.spec.joints.iter().zip(&model.placed.joints) {
+        for (joint, placed) in model.spec.joints.iter().zip(&model.own.placed.joints) {
             let axis = joint.axis.filter(|_| joint.kind == JointKind::Revolute).and_then(|x| Vec3(x).unit());
             let there = joint.child_point.unwrap_or(joint.point);
             frames.push((placed.parent, Vec3(joint.point), axis));
@@ -247,7 +247,7 @@ impl Drawing {
     /// Normal of the plane of its motion.
     pub(super) fn normal(&self) -> Option<Vec3<f64>> {
         let up = Vec3([0.0, 0.0, 1.0]);
-        self.model.is_planar().then(|| self.model.placed.basis.apply_transposed(up))
+        self.model.is_planar().then(|| self.model.own.placed.basis.apply_transposed(up))
     }
 
     /// This change, with nearly parallel axes made parallel and nearly equal lengths made equal; the part of it to be
@@ -272,17 +272,17 @@ impl Drawing {
     pub(super) fn parallel(&self, q: &[f64], near: f64) -> Vec<f64> {
         let model = &self.model;
         let mut change = vec![0.0; OWN * model.spec.joints.len()];
-        let mut s = model.full.scratch();
-        model.full.poses(q, &mut s);
+        let mut s = model.own.full.scratch();
+        model.own.full.poses(q, &mut s);
         // index of the rotation in a change, orientation of its body, and the present axis; hinges first
         let mut axes: Vec<(usize, Mat3<f64>, Vec3<f64>)> = Vec::new();
         let is_hinge = |j: usize| model.spec.joints[j].kind == JointKind::Revolute;
-        let out = model.placed.basis;
-        for (j, (joint, placed)) in model.spec.joints.iter().zip(&model.placed.joints).enumerate() {
+        let out = model.own.placed.basis;
+        for (j, (joint, placed)) in model.spec.joints.iter().zip(&model.own.placed.joints).enumerate() {
             let (Some(axis), None, Ok(align)) = (joint.axis, joint.axis2, alignment(joint)) else { continue };
             let Some(axis) = Vec3(axis).unit() else { continue };
             for (node, offset, axis) in [(placed.parent, 3, axis), (placed.child, 9, align.apply_transposed(axis))] {
-                let turn = out.transpose().mul(&s.links[model.placed.link_of(node)].rot).mul(&out);
+                let turn = out.transpose().mul(&s.links[model.own.placed.link_of(node)].rot).mul(&out);
                 axes.push((j * OWN + offset, turn, turn.apply(axis)));
             }
         }
@@ -316,7 +316,7 @@ impl Drawing {
     /// and `c`.
     fn slope(&self, rows: &[(usize, f64)], c: &[f64], s: &TreeScratch<Spatial<f64>>, out: &mut [f64]) {
         let model = &self.model;
-        let (pattern, placed) = (model.pattern(), &model.placed);
+        let (pattern, placed) = (model.pattern(), &model.own.placed);
         // mechanism axes are world axes, unless a plane lies tilted
         let basis = placed.basis;
         for &(row, weight) in rows.iter().filter(|x| x.1 != 0.0) {
@@ -334,8 +334,8 @@ impl Drawing {
                 let (force, moment) =
                     (effort.0, if self.model.is_planar() { effort.1 } else { s.links[link].rot.apply(effort.1) });
                 let turn = &s.links[own].rot;
-                let here = model.full.reference_point(own, s) + turn.apply(point - model.reference()[own]);
-                let about = moment + (model.full.reference_point(link, s) - here).cross(force);
+                let here = model.own.full.reference_point(own, s) + turn.apply(point - model.own.reference()[own]);
+                let about = moment + (model.own.full.reference_point(link, s) - here).cross(force);
                 let shift = basis.apply_transposed(turn.apply_transposed(force)).times(self.length);
                 let turned = basis.apply_transposed(turn.apply_transposed(about));
                 let numbers = &mut out[j * OWN + first..][..OWN / 2];
@@ -347,7 +347,7 @@ impl Drawing {
     /// Force (mechanism axes) and moment (body axes; in a plane the same) on a floating link from the effort along each
     /// of its velocities.
     fn effort(&self, link: usize, of: impl Fn(usize) -> f64) -> (Vec3<f64>, Vec3<f64>) {
-        let links = &self.model.placed.links;
+        let links = &self.model.own.placed.links;
         let v = links[link].v;
         match self.model.is_planar() {
             true => (Vec3([of(v - 2), of(v - 1), 0.0]), Vec3([0.0, 0.0, of(v)])),

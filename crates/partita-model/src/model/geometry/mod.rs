@@ -28,6 +28,7 @@ use partita_system::manifold::truncated::FIRST_GRADE;
 use partita_system::prelude::*;
 use partita_system::rank::{exact, pivots, weakest, Cut, Exact, Kernel};
 use partita_system::start;
+use partita_system::system::structure::{Finite, Verdict};
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -114,6 +115,29 @@ impl Geometry {
         repaired.flat_map(|x| &x.changed).fold(0.0, |m: f64, x| m.max(*x))
     }
 
+    /// As part of the structure of the system.
+    pub(super) fn verdict(&self, spec: &Spec) -> Verdict {
+        let Self { dof, instantaneous, weak, hidden, .. } = *self;
+        Verdict {
+            finite: dof.map(|dof| Finite { dof, instantaneous, weak, hidden }),
+            ambiguous: self.ambiguous.clone(),
+            instantaneous: self.locked(spec),
+            errors: (self.geometric_error(), spec.drawing_tolerance),
+        }
+    }
+
+    /// What locks instantaneous motions, in words.
+    fn locked(&self, spec: &Spec) -> String {
+        let shaky = self.blocks.iter().filter(|x| x.verdict == BlockDecision::Shaky);
+        let names: Vec<String> =
+            shaky.flat_map(|x| &x.joints).map(|&j| format!("\"{}\"", spec.joints[j].name)).collect();
+        match names.as_slice() {
+            [] => spec.couplings.iter().take(6).map(|c| c.name().to_string()).collect::<Vec<_>>().join(", "),
+            few if few.len() <= 8 => format!("joints {}", few.join(", ")),
+            many => format!("joints {} and {} more", many[..8].join(", "), many.len() - 8),
+        }
+    }
+
     /// Whether the drawn position is singular.
     fn is_singular(&self) -> bool {
         self.blocks.iter().any(|x| matches!(x.verdict, BlockDecision::SingularHere | BlockDecision::Shaky))
@@ -147,7 +171,7 @@ impl Drawing {
     /// Compiled; measured in `length`, or in that of the drawing.
     fn new(spec: Spec, functions: Arc<dyn Functions>, length: Option<f64>, allow_plane: bool) -> Option<Self> {
         let mut model = Model::compiled(spec, functions, (Coordinates::Absolute, allow_plane), true).ok()?;
-        let known = length.or_else(|| model.length_at(&model.initial())).unwrap_or(model.placed.size);
+        let known = length.or_else(|| model.length_at(&model.initial())).unwrap_or(model.own.placed.size);
         model.measure_in(known);
         Some(Self { model, length: known })
     }
@@ -208,7 +232,8 @@ fn counted(model: &Model, tolerance: f64) -> (Option<usize>, Option<String>) {
         Some(x) if x.1 > tolerance * tolerance && x.1 < tolerance::REDUNDANT => (dof(kept.len()), None),
         weakest => {
             let found = start::analyse(&model, 0.0, &drawn).ok();
-            let weak = weakest.filter(|x| x.1 <= tolerance * tolerance).map(|x| model.row_owner(x.0));
+            let weak =
+                weakest.filter(|x| x.1 <= tolerance * tolerance).map(|x| model.structure().rows[x.0].owner.to_string());
             (found.and_then(|x| dof(x.rank)), weak)
         }
     }
@@ -268,7 +293,7 @@ fn decided(model: &Model, tolerance: f64) -> (Geometry, Option<Vec<Joint>>) {
 fn by_blocks(model: &Model, tolerance: f64) -> (Vec<(Block, Decided)>, Option<usize>) {
     let parts = blocks::blocks(&model.spec);
     let floating = if model.is_planar() { 3 } else { 6 };
-    let of_free = parts.free.iter().map(|&j| model.placed.joints[j].shape.mobility()).sum::<usize>();
+    let of_free = parts.free.iter().map(|&j| model.own.placed.joints[j].shape.mobility()).sum::<usize>();
     let mut known: HashMap<Vec<i64>, Decided> = HashMap::new();
     let closed: OnceCell<Option<Pose>> = OnceCell::new();
     let blocks = parts.blocks.into_iter().map(|block| {
@@ -370,7 +395,10 @@ impl Decided {
 
     /// A block of which this row remains open.
     fn ambiguous(of: &Model, row: usize) -> Self {
-        Self { ambiguous: Some(of.row_owner(row)), ..Self::plain(BlockDecision::Ambiguous, None) }
+        Self {
+            ambiguous: Some(of.structure().rows[row].owner.to_string()),
+            ..Self::plain(BlockDecision::Ambiguous, None)
+        }
     }
 
     /// Add the change that first made the drawing `plane`: these numbers, in fractions of `length`.

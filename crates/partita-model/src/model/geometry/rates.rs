@@ -49,7 +49,7 @@ impl Drawing {
 /// `before` it do not.
 fn slip(model: &Model, c: &[f64], before: &[usize], row: usize) -> f64 {
     let (pattern, n) = (model.pattern(), model.size().nv);
-    let displacement: Vec<f64> = (0..n).map(|i| model.characteristic_displacement(i)).collect();
+    let displacement: Vec<f64> = model.structure().displacements().collect();
     let of = |i: usize| {
         let mut all = vec![0.0; n];
         pattern.row(i).for_each(|e| all[pattern.col_idx[e]] = c[e] * displacement[pattern.col_idx[e]]);

@@ -143,7 +143,7 @@ impl Drawing {
     /// Whether some body has all its joints among these, apart from each other, to more than one other body: an
     /// eccentric, which has a length of its own.
     fn holds_a_whole_body(&self, joints: &[usize]) -> bool {
-        let placed = &self.model.placed.joints;
+        let placed = &self.model.own.placed.joints;
         let ends = |j: usize| [placed[j].parent, placed[j].child];
         let at = |j: usize| Vec3(self.model.spec.joints[j].point);
         let normal = self.normal().unwrap_or(Vec3([0.0, 0.0, 1.0]));

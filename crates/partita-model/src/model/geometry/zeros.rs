@@ -19,7 +19,7 @@ pub(in crate::model) fn closed_zeros(model: &Model, tolerance: f64) -> Option<Ve
     let model = Model::compiled(spec, model.functions(), (Coordinates::Relative, true), true).ok()?;
     let drawn = model.initial();
     let q = closed(&model, coarsest(tolerance))?;
-    let near = |(q, drawn): (&f64, &f64)| (q - drawn).abs() <= coarsest(tolerance) * model.placed.size.max(1.0);
+    let near = |(q, drawn): (&f64, &f64)| (q - drawn).abs() <= coarsest(tolerance) * model.own.placed.size.max(1.0);
     if q == drawn || !q.iter().zip(&drawn).all(near) {
         return None;
     }

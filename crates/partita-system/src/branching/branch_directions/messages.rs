@@ -23,8 +23,10 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         if moving.is_empty() || moving.len() > WRITTEN {
             return "see the report for its rates".into();
         }
-        let all: Vec<String> =
-            moving.iter().map(|&i| format!("\"{}\": {}", self.system.velocity_name(i), formatted(v[i]))).collect();
+        let all: Vec<String> = moving
+            .iter()
+            .map(|&i| format!("\"{}\": {}", self.system.structure().velocities[i].name, formatted(v[i])))
+            .collect();
         format!("assemble(rates={{{}}})", all.join(", "))
     }
 
@@ -80,7 +82,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let all: Vec<String> = moving
             .iter()
             .take(WRITTEN)
-            .map(|&i| format!("\"{}\": {}", self.system.velocity_name(i), formatted(v[i])))
+            .map(|&i| format!("\"{}\": {}", self.system.structure().velocities[i].name, formatted(v[i])))
             .collect();
         format!("{{{}{}}}", all.join(", "), if moving.len() > WRITTEN { ", ..." } else { "" })
     }
@@ -90,7 +92,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let (off, row, _) = self.forbidden;
         let fastest = self.unit.max(largest(&self.particular));
         if self.driven && off.abs() > BESIDE_DEAD_CENTRE * fastest {
-            let (what, speed) = (self.system.row_owner(row), self.drive_speed(row));
+            let (what, speed) = (&self.system.structure().rows[row].owner, self.drive_speed(row));
             return Some(format!(
                 "{what} prescribes {speed} at t = {}, which is impossible at a dead centre: there the rate must be \
                  0 and the acceleration must point inwards",
@@ -103,7 +105,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
         let (values, _) = symmetric_eigen(&self.form).ok()?;
         let top = largest(&values);
         let significant: Vec<f64> = values.into_iter().filter(|x| x.abs() > tolerance::TAKES_PART * top).collect();
-        let (rest, whose) = (self.form[(self.k, self.k)].abs(), self.system.row_owner(row));
+        let (rest, whose) = (self.form[(self.k, self.k)].abs(), &self.system.structure().rows[row].owner);
         if significant.len() < 2 && rest <= tolerance::TAKES_PART * top {
             return Some(
                 "to second order the drives stand still here, so the branch depends on higher orders, which are not \
@@ -122,7 +124,7 @@ impl<S: ConstrainedSystem> BranchDirections<'_, S> {
     }
 
     pub(super) fn drive_speed(&self, row: usize) -> String {
-        let unit = if self.system.row_is_angle(row) { "rad/s" } else { "m/s" };
+        let unit = if self.system.structure().rows[row].is_angle { "rad/s" } else { "m/s" };
         format!("{} {unit}", formatted(self.forbidden.2))
     }
 }

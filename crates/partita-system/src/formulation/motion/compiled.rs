@@ -51,10 +51,10 @@ pub(super) struct CompiledMotion {
 impl CompiledMotion {
     /// For motions of a system in all coordinates and independent velocities; none where nothing is ever compiled.
     pub(super) fn new<S: ConstrainedSystem>(r: &Reduction<S>, when: Compilation) -> Option<Self> {
-        let (size, moves) = (r.size(), r.system.rheonomic());
+        let (size, moves) = (r.size(), r.system.structure().rheonomic);
         let compiler = <dyn Compiler>::installed().filter(|_| when != Compilation::Never)?;
-        let (states, given) = (size.nq + r.k(), r.system.given_count());
-        let rates_count = states + usize::from(r.system.has_power() || moves);
+        let (states, given) = (size.nq + r.k(), r.system.structure().given_count);
+        let rates_count = states + usize::from(r.system.structure().has_power || moves);
         Some(Self {
             compiler,
             when,

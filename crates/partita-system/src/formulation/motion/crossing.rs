@@ -279,9 +279,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn look_back(&mut self, t: f64) {
         self.tangent.full_acceleration(&mut self.vdot);
         let r = self.tangent.seen();
-        let largest = |x: &[f64]| {
-            (0..x.len()).fold(0.0, |m: f64, i| m.max(x[i].abs() / self.system.characteristic_displacement(i)))
-        };
+        let largest =
+            |x: &[f64]| (0..x.len()).fold(0.0, |m: f64, i| m.max(x[i].abs() / self.system.structure().displacement(i)));
         self.monitor.fastest = (largest(&r.v), largest(&self.vdot));
         self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
         self.monitor.judge(Judgement::REGULAR);
@@ -424,7 +423,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             return e;
         }
         let r = self.tangent.seen();
-        let row = r.weakest_row().map_or_else(String::new, |row| self.system.row_name(row));
+        let row = r.weakest_row().map_or_else(String::new, |row| self.system.structure().rows[row].name.to_string());
         let (tries, jumped) = self.monitor.crossing.tries();
         let outcome = match self.monitor.abrupt {
             Some(at) => CrossingOutcome::Abrupt { at },

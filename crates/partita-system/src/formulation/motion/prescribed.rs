@@ -30,12 +30,13 @@ pub(super) struct Prescribed<S: ConstrainedSystem> {
 impl<S: ConstrainedSystem> Prescribed<S> {
     pub(super) fn new(system: &S) -> Self {
         let (size, pattern) = (system.size(), system.pattern());
-        let rows: Vec<usize> = (0..size.rows).filter(|&i| system.row_may_jump(i)).collect();
+        let rows: Vec<usize> = (0..size.rows).filter(|&i| system.structure().rows[i].may_jump).collect();
         let mut velocities: Vec<usize> =
             rows.iter().flat_map(|&i| pattern.row(i)).map(|e| pattern.col_idx[e]).collect();
         velocities.sort_unstable();
         velocities.dedup();
-        let mut coordinates: Vec<usize> = velocities.iter().flat_map(|&i| system.coordinates_of(i)).collect();
+        let mut coordinates: Vec<usize> =
+            velocities.iter().flat_map(|&i| system.structure().coordinates_of(i)).collect();
         coordinates.sort_unstable();
         coordinates.dedup();
         Self {
@@ -115,7 +116,7 @@ impl<S: ConstrainedSystem> Prescribed<S> {
             let i = pattern.col_idx[e];
             rate += self.c[e] * self.v[i];
             sizes[1] += (self.c[e] * self.v[i]).abs();
-            let own = system.coordinates_of(i);
+            let own = system.structure().coordinates_of(i);
             if own.len() == 1 {
                 sizes[0] += (self.c[e] * self.q[own.start]).abs();
             }

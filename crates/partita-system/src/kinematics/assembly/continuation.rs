@@ -22,7 +22,7 @@ struct Target {
 fn read<S: ConstrainedSystem>(system: &S, targets: &[(usize, f64)]) -> Result<Vec<Target>, SystemError> {
     let mut read = Vec::with_capacity(targets.len());
     for &(coordinate, value) in targets {
-        let Some(velocity) = system.velocity_of_coordinate(coordinate) else {
+        let Some(velocity) = system.structure().coordinates[coordinate].velocity else {
             return Err(SystemError::argument(
                 "targets",
                 format!(
@@ -34,7 +34,7 @@ fn read<S: ConstrainedSystem>(system: &S, targets: &[(usize, f64)]) -> Result<Ve
         if !value.is_finite() {
             return Err(SystemError::argument(
                 "targets",
-                format!("the target of {} is {value}", system.velocity_name(velocity)),
+                format!("the target of {} is {value}", system.structure().velocities[velocity].name),
             ));
         }
         read.push(Target { coordinate, velocity, value });
@@ -129,7 +129,7 @@ fn resisted<S: ConstrainedSystem>(
     tolerance: f64,
     report: &mut Assembly,
 ) -> Result<SystemError, SystemError> {
-    let name = |x: &Target| rows.scaled.system.velocity_name(x.velocity);
+    let name = |x: &Target| &rows.scaled.system.structure().velocities[x.velocity].name;
     let reached: Vec<String> =
         targets.iter().map(|x| format!("{} reached {:.6} of {:.6}", name(x), q[x.coordinate], x.value)).collect();
     let mut there = q.to_vec();

@@ -105,7 +105,7 @@ impl<'s, S: ConstrainedSystem> Descent<'s, S> {
                 s.pattern.row(row).for_each(|e| again[s.pattern.col_idx[e]] = true);
             }
             for &v in b.columns.iter().filter(|&&v| again[v]) {
-                let range = s.system.coordinates_of(v);
+                let range = s.system.structure().coordinates_of(v);
                 q[range.clone()].copy_from_slice(&drawn[range]);
                 if !s.locked[v] {
                     self.y[v] = amplitude * irregular(v, attempt);

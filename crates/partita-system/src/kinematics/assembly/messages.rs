@@ -16,8 +16,8 @@ fn open_rows<S: ConstrainedSystem>(d: &LeastChange<S>, tolerance: f64) -> String
         &open
             .iter()
             .map(|&i| match s.raw(i).is_finite() {
-                true => format!("{} by {}", s.system.row_description(i), formatted(s.raw(i).abs())),
-                false => format!("{}, which is not finite", s.system.row_description(i)),
+                true => format!("{} by {}", s.system.structure().rows[i].description, formatted(s.raw(i).abs())),
+                false => format!("{}, which is not finite", s.system.structure().rows[i].description),
             })
             .collect::<Vec<_>>(),
     )
@@ -58,14 +58,14 @@ pub(super) fn refused<S: ConstrainedSystem>(
         parts.flat_map(|(b, _)| b.rows.iter().copied()).max_by(worst)
     };
     if let (Some(&row), true) = (turned.first(), endings.contains(&Ending::TurnedOver)) {
-        let words = s.system.row_description(row);
+        let words = s.system.structure().rows[row].description.to_string();
         let advice = format!(
             "all {} starts close {words} with its axes opposed; place {} nearer to the closed position, or reverse \
              its axis on one of its bodies",
             report.restarts + 1,
             closed_loop(d, row)
         );
-        let over = turned.iter().map(|&i| format!("{} with opposed axes", s.system.row_description(i)));
+        let over = turned.iter().map(|&i| format!("{} with opposed axes", s.system.structure().rows[i].description));
         let mut loops: Vec<String> = over.collect();
         loops.extend(Some(open_rows(d, tolerance)).filter(|x| !x.is_empty()));
         return stopped(d, report, tolerance, (some(&loops), &advice));
@@ -80,11 +80,12 @@ pub(super) fn refused<S: ConstrainedSystem>(
         return not_closed(d, report, tolerance, &advice);
     };
     // all rows of the same joint
-    let owner = |i: usize| s.system.row_name(i).rsplit_once('.').map_or_else(|| s.system.row_name(i), |x| x.0.into());
+    let all = &s.system.structure().rows;
+    let owner = |i: usize| all[i].name.rsplit_once('.').map_or(&*all[i].name, |x| x.0);
     let name = owner(row);
     let rows: Vec<usize> = (0..s.rows()).filter(|&i| owner(i) == name).collect();
     let size = |angle: bool| {
-        let of_kind = rows.iter().filter(|&&i| s.system.row_is_angle(i) == angle);
+        let of_kind = rows.iter().filter(|&&i| all[i].is_angle == angle);
         of_kind.map(|&i| s.raw(i).powi(2)).sum::<f64>().sqrt()
     };
     SystemError::Lengths {
@@ -100,5 +101,5 @@ pub(super) fn refused<S: ConstrainedSystem>(
 }
 
 fn closed_loop<S: ConstrainedSystem>(d: &LeastChange<S>, row: usize) -> String {
-    format!("{} closed by {}", loop_of(d.scaled.system, row), d.scaled.system.row_description(row))
+    format!("{} closed by {}", loop_of(d.scaled.system, row), d.scaled.system.structure().rows[row].description)
 }

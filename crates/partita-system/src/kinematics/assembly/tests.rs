@@ -46,5 +46,5 @@ fn a_row_that_is_not_finite_is_named() {
     let Err(SystemError::NotFinite { what, .. }) = LeastChange::new(&system, 0.0, &[0.3, f64::NAN, 0.1], &[]) else {
         panic!("a position that is not finite is taken");
     };
-    assert_eq!(what, system.row_description(0));
+    assert_eq!(what, *system.structure().rows[0].description);
 }
