@@ -22,6 +22,7 @@ mod rounding;
 pub mod simulate;
 pub mod singular_start;
 mod singular_times;
+pub mod step_log;
 pub mod step_size;
 pub mod stepper;
 pub mod tableau;

@@ -1,9 +1,11 @@
 //! Marching: steps, corrections, changes of coordinates.
 
 mod outputs;
+mod replay;
 
 use outputs::OUTPUTS_BESIDE;
 pub use outputs::{Outputs, Sink};
+pub use replay::StepReader;
 
 use crate::counters::Counters;
 use crate::crossing_step::CrossingStep;
@@ -13,6 +15,7 @@ use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options, OptionsError};
 use crate::singular_times;
+use crate::step_log::StepLog;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use partita_math::tolerance;
 use partita_system::breakpoints::Passing;
@@ -136,6 +139,8 @@ pub struct March {
     tolerance: f64,
     /// Absolute tolerance, in natural sizes.
     absolute: f64,
+    /// The steps taken.
+    log: StepLog,
 }
 
 /// Attempts for each step of a tick: a choice of coordinates that has become poor is renewed and the step repeated.
@@ -186,6 +191,7 @@ impl March {
             output: Output { turns: vec![0; nq], ..Output::default() },
             tolerance,
             absolute: absolute.clamp(f64::MIN_POSITIVE, f64::MAX),
+            log: StepLog::default(),
         })
     }
 
@@ -518,6 +524,7 @@ impl March {
             if beyond {
                 self.crossing.interpolate(&mut Adapter(formulation), t_end, &mut self.y)?;
             }
+            self.log_step(formulation);
             self.active().commit();
             match self.crosses {
                 true => {

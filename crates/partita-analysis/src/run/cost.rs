@@ -5,7 +5,7 @@ use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
 use partita_system::formulation::{Formulation, PrescribedRows, Step, StepDecision};
-use partita_system::formulation::{FormulationSteps, SingularSteps};
+use partita_system::formulation::{FormulationSteps, SingularSteps, StepReplay};
 use partita_system::options::TangentMap;
 use partita_system::record::{History, Output, PartitionEvent, Sample};
 use partita_system::SystemError;
@@ -68,6 +68,8 @@ impl FormulationSteps for RecordingFormulation<'_> {
 }
 
 impl SingularSteps for RecordingFormulation<'_> {}
+
+impl StepReplay for RecordingFormulation<'_> {}
 
 impl PrescribedRows for RecordingFormulation<'_> {}
 

@@ -49,7 +49,7 @@ impl March {
     }
 
     /// The output at t inside the step that was concluded; y is memory for a state.
-    fn output_at<F: Formulation>(
+    pub(super) fn output_at<F: Formulation>(
         &mut self,
         formulation: &mut F,
         t: f64,

@@ -11,6 +11,7 @@ use crate::error::{Result, SystemError};
 pub use crate::record::StepDecision;
 
 pub use crate::singular::change_point::{Across, Pace};
+pub use crate::tangent::ChoiceSnapshot;
 
 /// Where a verdict is applied: at the end of an accepted step, or at the start of one that is repeated. An integration
 /// that came too close to a singular position is set back: then t is an earlier time, and y, dy, turns are those of it.
@@ -169,8 +170,26 @@ pub trait PrescribedRows {
     }
 }
 
+/// States inside steps that were taken before, from their dense output.
+pub trait StepReplay {
+    /// Number of the choice in use and of what else states depend on besides (t, y); `None` where it cannot be restored.
+    fn choice_version(&self) -> Option<u64> {
+        None
+    }
+    /// The choice in use.
+    fn choice_snapshot(&self) -> Option<ChoiceSnapshot> {
+        None
+    }
+    /// Distances from a singular position at both ends of the step of the last `trial_end`.
+    fn step_margins(&self) -> [Option<f64>; 2] {
+        [None; 2]
+    }
+    /// The next evaluations lie inside a step with these distances; it was taken with this choice, or with the one in use.
+    fn replay(&mut self, _choice: Option<&ChoiceSnapshot>, _margins: [Option<f64>; 2]) {}
+}
+
 /// A rule that turns S1-S5 into `y' = f(t, y)` and back; `derivative` is called at any point near the motion.
-pub trait Formulation: FormulationSteps + SingularSteps + PrescribedRows {
+pub trait Formulation: FormulationSteps + SingularSteps + PrescribedRows + StepReplay {
     /// Length of y.
     fn dim(&self) -> usize;
     /// Number of leading components of y whose error is controlled.
@@ -282,6 +301,21 @@ impl<F: Formulation + ?Sized> SingularSteps for Box<F> {
     }
     fn passed_unforeseen(&mut self) -> bool {
         (**self).passed_unforeseen()
+    }
+}
+
+impl<F: Formulation + ?Sized> StepReplay for Box<F> {
+    fn choice_version(&self) -> Option<u64> {
+        (**self).choice_version()
+    }
+    fn choice_snapshot(&self) -> Option<ChoiceSnapshot> {
+        (**self).choice_snapshot()
+    }
+    fn step_margins(&self) -> [Option<f64>; 2] {
+        (**self).step_margins()
+    }
+    fn replay(&mut self, choice: Option<&ChoiceSnapshot>, margins: [Option<f64>; 2]) {
+        (**self).replay(choice, margins);
     }
 }
 

@@ -246,6 +246,9 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
             Err(e) => Err(e),
         }
     }
+    fn version(&self) -> Option<u64> {
+        Some(self.base.r.version())
+    }
     fn report(&self, history: &mut History) {
         (history.counters.factorisations, history.counters.proximal_iterations) =
             (self.factorisations, self.iterations);

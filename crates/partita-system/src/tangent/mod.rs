@@ -10,7 +10,7 @@ pub mod instant;
 pub mod partition;
 pub mod user;
 
-pub use base::Base;
+pub use base::{Base, ChoiceSnapshot};
 
 use crate::error::Result;
 use crate::record::{Correction, History, Output, PartitionEvent, Sample, StepDecision};
@@ -137,6 +137,18 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
         _out: &mut Sample,
     ) -> Result<()> {
         Ok(())
+    }
+    /// Number of the choice in use and of what else evaluations depend on; `None` where it cannot be restored.
+    fn version(&self) -> Option<u64> {
+        None
+    }
+    /// The choice in use.
+    fn snapshot(&self) -> ChoiceSnapshot {
+        ChoiceSnapshot { reduction: self.seen().snapshot(), basis: None }
+    }
+    /// Take this choice.
+    fn restore(&mut self, from: &ChoiceSnapshot) {
+        self.reduction().restore(&from.reduction);
     }
     /// Contribution to the history of a run besides that of all tangents.
     fn report(&self, history: &mut History);

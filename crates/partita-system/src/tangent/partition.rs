@@ -212,6 +212,9 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         Some(within.map_or(&self.base.r.partition.independent, |event| &event.independent))
     }
+    fn version(&self) -> Option<u64> {
+        Some(self.base.r.version())
+    }
     fn report(&self, history: &mut History) {
         history.notes.extend(self.chooser.iter().flat_map(Chooser::notes));
     }

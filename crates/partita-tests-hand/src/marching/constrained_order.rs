@@ -5,7 +5,7 @@ use crate::pieces::{any, distance, grid, march, reference, run, slope, times, An
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
 use partita_system::formulation::{Formulation, PrescribedRows, Step, StepDecision};
-use partita_system::formulation::{FormulationSteps, SingularSteps};
+use partita_system::formulation::{FormulationSteps, SingularSteps, StepReplay};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::record::{Correction, History, Output, PartitionEvent, Sample};
@@ -193,6 +193,8 @@ impl<'s, E: Equations> Watched<'s, E> {
 }
 
 impl<E: Equations> SingularSteps for Watched<'_, E> {}
+
+impl<E: Equations> StepReplay for Watched<'_, E> {}
 
 impl<E: Equations> FormulationSteps for Watched<'_, E> {
     fn trial_end(

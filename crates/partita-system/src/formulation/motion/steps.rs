@@ -3,7 +3,7 @@
 use super::Motion;
 use crate::breakpoints::Passing;
 use crate::error::Result;
-use crate::formulation::{FormulationSteps, SingularSteps, Step, StepDecision};
+use crate::formulation::{ChoiceSnapshot, FormulationSteps, SingularSteps, Step, StepDecision, StepReplay};
 use crate::guards::Look;
 use crate::positions::Positions;
 use crate::record::{Crossings, Gaps, History, StepChecks};
@@ -233,5 +233,24 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> S
     }
     fn passed_unforeseen(&mut self) -> bool {
         self.monitor.passed_unforeseen(P::CLOSED)
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> StepReplay for Motion<'s, S, T, P> {
+    fn choice_version(&self) -> Option<u64> {
+        // coordinates that are solved for also depend on the position last found
+        self.tangent.version().filter(|_| self.positions.has_all())
+    }
+    fn choice_snapshot(&self) -> Option<ChoiceSnapshot> {
+        self.choice_version().map(|_| self.tangent.snapshot())
+    }
+    fn step_margins(&self) -> [Option<f64>; 2] {
+        self.margins()
+    }
+    fn replay(&mut self, choice: Option<&ChoiceSnapshot>, margins: [Option<f64>; 2]) {
+        if let Some(choice) = choice {
+            self.tangent.restore(choice);
+        }
+        self.replay_between(margins);
     }
 }
