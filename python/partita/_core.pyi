@@ -401,8 +401,8 @@ class SolutionLog:
         """Counts of work."""
 
     def state(self, t: float) -> tuple[float, Array, Array] | None:
-        """t, q and v at a time where a step is kept; elsewhere of the last earlier time at which one is. None where there is
-        none."""
+        """t, q and v at a time where a step is kept; elsewhere of the last earlier time at which one is. None where
+        there is none."""
 
     def states(self, times: Array) -> tuple[Array, Array, Array]:
         """The same at these times, a row each; NaN where there is none."""

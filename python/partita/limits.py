@@ -1,8 +1,8 @@
 """Limits of what is read and kept: sizes, counts and depths, all in one table.
 
-A file above a limit is refused by a `FileFormatError` that contains the number found, the limit and its name; a run that
-would keep more than `step_bytes` forgets steps, and a note says so. Raise a
-limit for some calls by `raised`, or for a whole process by the environment variable PARTITA_LIMITS, as in
+A file above a limit is refused by a `FileFormatError` that contains the number found, the limit and its name. A run
+that would keep more than `step_bytes` forgets steps, and a note says so. Raise a limit for some calls by `raised`, or
+for a whole process by the environment variable PARTITA_LIMITS, as in
 PARTITA_LIMITS="elements=2000000, model_bytes=500000000".
 
 >>> import partita as pt

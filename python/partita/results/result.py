@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import options as run_options
 from ..errors import ArgumentError
@@ -76,21 +75,21 @@ class Result(Run):
     def state(self, t: Sequence[float] | FloatArray) -> list[State]: ...
 
     def state(self, t: float | Sequence[float] | FloatArray | None = None) -> State | list[State]:
-        """The state at time `t` [s] of the run, from which another one can start (`initial=`); None: at its last output.
+        """The state at time `t` [s] of the run, from which another one can start (`initial=`); None: the last output.
 
-        At the time of an output it is that output. Elsewhere it is read from the steps that the run keeps in memory: their
-        dense output, closed to round-off, as an output at that time would be. One costs about an evaluation or two; the
-        states at an array of times are a list, in its order.
+        At the time of an output it is that output. Elsewhere it is read from the steps that the run keeps in memory, as
+        an output at that time would be: their dense output, closed to round-off. It costs about as much as one or two
+        evaluations. Of an array of times the states are a list, in its order.
 
-        The memory for steps is bounded (`partita.limits`, "step_bytes"; `counters["kept_steps"]` and `["kept_step_bytes"]`
-        tell what is taken). A longer run keeps every second step, or every fourth, and a note says so: between those it
-        is integrated from the last state known before `t`, with the method and the tolerances of the run. So it is in all
-        runs with coordinates that every evaluation solves for ("wehage-haug", "explicit-closing", "tangent-space"), in the
-        first step out of a singular position, and in results of steppers. Members of ensembles have their own runs:
-        `ensemble.result(i).state(t)`.
+        The memory for steps is bounded (`partita.limits`, "step_bytes"); `counters["kept_steps"]` and
+        `counters["kept_step_bytes"]` say what they take. A longer run keeps every second step, or every fourth, which a
+        note reports: a state between those is integrated from the last one known before it, with the method and the
+        tolerances of the run. So it is in the first step out of a singular position, for results of steppers, which
+        keep no steps, and for formulations whose evaluations solve for coordinates ("wehage-haug", "explicit-closing",
+        "tangent-space"). A member of an ensemble keeps none either: ask its own run, `ensemble.result(i).state(t)`.
 
-        Raises `ArgumentError` for a time outside the run and, between outputs, for a stored or pickled result and a run
-        with user-defined tangent velocities.
+        Raises `ArgumentError` for a time outside the run and, between outputs, for a stored or pickled result and for a
+        run with user-defined tangent velocities.
 
         >>> import numpy as np
         >>> import partita as pt
