@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from catalogue_runs import entry_of, run_of
+from test_singular_starts import ALONG, stretched
 
 import partita as pt
 from partita.errors import ArgumentError
@@ -123,15 +124,28 @@ def test_changes_of_coordinates_whole_turns_and_singular_positions() -> None:
     run, _ = same_bits(lambda **given: fast.simulate(1.5, initial=start, **given), 60)
     assert abs(run.state(1.49).position("A")) > 60.0  # whole turns are there
     spatial, _ = same_bits(lambda **given: pt.catalogue.load("rssr").simulate(4.0, **given), 60)
-    folding = run_of("parallelogram") if "parallelogram" in pt.catalogue.names() else run_of("four-bar-singular")
-    assert folding.success and spatial.success
-    for found in (run, spatial, folding):
+    for found in (run, spatial, run_of("parallelogram")):
         # at a change the choice before serves, and both are the same (q, v)
         changes = [change.t for change in found.partitions if found.t[0] < change.t < found.t[-1]][:20]
         for t in changes:
             here, before, after = found.state(t), found.state(np.nextafter(t, 0.0)), found.state(np.nextafter(t, 9e9))
             assert agrees(before.q, here.q, 1e-12) and agrees(after.q, here.q, 1e-12)
             assert agrees(before.v, here.v, 1e-7) and agrees(after.v, here.v, 1e-7)
+
+
+def test_singular_positions_are_read_from_both_sides_and_singular_starts_integrated() -> None:
+    m = stretched()
+    start = m.assemble(rates=ALONG)
+    run = m.simulate(8.0, initial=start, t_eval=[0.0, 8.0])
+    assert any("were crossed" in note for note in run.notes) and keeps_all(run) is False
+    assert run.counters["steps"] == run.counters["kept_steps"] + 1  # the step out of the start
+    zeros = np.arange(1, 6) * np.pi / 2.0
+    beside = [zeros + apart for apart in (-1e-2, -1e-6, -1e-9, 0.0, 1e-12, 1e-9, 1e-4)]
+    at = np.sort(np.concatenate([[1e-3, 0.1], times_of(run, 30), *beside]))
+    outputs = m.simulate(8.0, initial=start, t_eval=at)
+    q, v = rows(run.state(at))
+    assert agrees(q, outputs.q, 1e-9) and agrees(v, outputs.v, 1e-8)
+    assert np.abs(q[:, 0] - 2.0 * at).max() < 1e-6 and np.abs(v[:, 0] - 2.0).max() < 1e-6
 
 
 def swing() -> pt.Mechanism:

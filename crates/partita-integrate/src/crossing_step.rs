@@ -6,7 +6,7 @@ use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::Options;
 use crate::step_size::ErrorNorm;
-use crate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, Stepper};
+use crate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, StepStorage, Stepper};
 use partita_math::tolerance;
 use std::fmt::Display;
 use std::sync::LazyLock;
@@ -343,6 +343,9 @@ impl StepControl for CrossingStep {
         self.plan(&StepPlan { length, goal: None });
         self.counters.rejected += 1;
     }
+}
+
+impl StepStorage for CrossingStep {
     fn save(&self, out: &mut Vec<f64>) -> bool {
         let Some(stages) = &self.stages else { return false };
         out.extend([self.t_old, self.t_new, stages.h]);

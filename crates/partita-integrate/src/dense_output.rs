@@ -38,7 +38,8 @@ impl DenseRows {
         let extra = (dense.nodes.iter().zip(dense.a).enumerate())
             .map(|(i, (&node, row))| ExtraStage { row: Row::new(row), node, slot: tableau.end_slot() + 1 + i })
             .collect();
-        let used = |slot: &usize| dense.a.iter().chain(dense.weights).any(|row| row.get(*slot).is_some_and(|w| *w != 0.0));
+        let used =
+            |slot: &usize| dense.a.iter().chain(dense.weights).any(|row| row.get(*slot).is_some_and(|w| *w != 0.0));
         let end = tableau.end_slot();
         let slots = (0..=end).filter(|slot| *slot == 0 || *slot == end || used(slot)).collect();
         Self { extra, rows: dense.weights.iter().map(|row| Row::new(row)).collect(), slots }

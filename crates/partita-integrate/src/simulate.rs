@@ -102,6 +102,7 @@ pub fn simulate_logged<F: Formulation>(
     *log = march.take_log();
     let counters = march.counters();
     let t = march.time();
+    log.end_at(t);
     let (status, message, error) = match ended {
         Ok(status) => (status, sentence(status, t, settings), None),
         Err(failure) => explain(failure, t),

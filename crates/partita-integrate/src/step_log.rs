@@ -44,6 +44,8 @@ pub struct StepLog {
     blocks: Vec<Vec<f64>>,
     /// The choice last seen, and its number.
     choice: Option<(u64, Arc<ChoiceSnapshot>)>,
+    /// The end of the run: its last step may go beyond.
+    end: f64,
 }
 
 impl StepLog {
@@ -72,9 +74,14 @@ impl StepLog {
         self.steps.len()
     }
 
-    /// When the first step begins and the last one ends.
+    /// When the first step begins, and the last one or the run ends.
     pub fn span(&self) -> Option<(f64, f64)> {
-        Some((self.steps.first()?.t_old, self.steps.last()?.t_new))
+        Some((self.steps.first()?.t_old, self.steps.last()?.t_new.min(self.end)))
+    }
+
+    /// The run ends at t.
+    pub(crate) fn end_at(&mut self, t: f64) {
+        self.end = t;
     }
 
     /// The step that contains t; else the last one that ends before t.

@@ -93,6 +93,10 @@ pub trait StepControl: Debug + Send + Sync {
     fn end_at_corner(&mut self, t: f64) {
         self.end_at(t);
     }
+}
+
+/// Concluded steps as numbers, to be interpolated later.
+pub trait StepStorage {
     /// Append what [`interpolate`](Stepper::interpolate) reads of the concluded step, without the slopes that it evaluates.
     /// False where steps cannot be loaded again.
     fn save(&self, _out: &mut Vec<f64>) -> bool {
@@ -112,7 +116,7 @@ pub type StepEnd<'e, E> = &'e mut dyn FnMut(f64, &mut [f64], &mut [f64], bool) -
 /// A method of integration at work on one equation, whose evaluations fail with `E`.
 ///
 /// Memory is taken when the stepper is made; steps allocate nothing.
-pub trait Stepper<E: Display>: StepControl {
+pub trait Stepper<E: Display>: StepControl + StepStorage {
     /// Set the state, evaluate f there and choose the first step towards `t_end`, which may lie on either side. The
     /// counters are kept.
     ///

@@ -2,7 +2,7 @@
 
 use super::{memory, ExplicitRungeKutta, Phase};
 use crate::counters::Counters;
-use crate::stepper::{CurrentStep, StepControl, StepPlan};
+use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
 use partita_math::tolerance;
 
 impl StepControl for ExplicitRungeKutta {
@@ -119,7 +119,9 @@ impl StepControl for ExplicitRungeKutta {
         self.end_at(t);
         self.corner_ahead = true;
     }
+}
 
+impl StepStorage for ExplicitRungeKutta {
     fn save(&self, out: &mut Vec<f64>) -> bool {
         out.extend([self.t_old, self.t_new, self.attempted_h]);
         out.extend_from_slice(&self.y_old[..self.dim]);

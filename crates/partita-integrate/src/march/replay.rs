@@ -11,10 +11,11 @@ use partita_system::formulation::Formulation;
 use partita_system::record::Output;
 use partita_system::SystemError;
 use std::collections::HashMap;
+use std::mem::size_of;
 use std::sync::Arc;
 
-/// Memory of slopes that were evaluated to read steps. Unit: fraction of that of the steps. Reason: of a log that is read
-/// all over they are a third.
+/// Slopes that were evaluated to read steps are forgotten where they take more. Scale: fraction of the memory of the steps.
+/// Reason: of a log that is read all over they are a third.
 const EXTRA: f64 = 0.5;
 
 impl March {
@@ -126,7 +127,8 @@ impl<'s> StepReader<'s> {
         if slopes.is_empty() {
             return;
         }
-        if (8 * (self.extra_count + slopes.len())) as f64 > EXTRA * log.bytes() as f64 {
+        let bytes = size_of::<f64>() * (self.extra_count + slopes.len());
+        if bytes as f64 > EXTRA * log.bytes() as f64 {
             self.extra.clear();
             self.extra_count = 0;
         }

@@ -5,7 +5,7 @@
 //! (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms except for
 //! verification; prefer these where M is cheap to factor and a reference in all coordinates is needed.
 
-use super::{Base, TangentChoice, TangentClosing, TangentLevels};
+use super::{Base, TangentChoice, TangentClosing, TangentLevels, TangentReplay};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step, MassProjection};
@@ -246,9 +246,6 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
             Err(e) => Err(e),
         }
     }
-    fn version(&self) -> Option<u64> {
-        Some(self.base.r.version())
-    }
     fn report(&self, history: &mut History) {
         (history.counters.factorisations, history.counters.proximal_iterations) =
             (self.factorisations, self.iterations);
@@ -267,6 +264,12 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
                 history.closure_error.1
             ));
         }
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentReplay<'s, S> for AllVelocities<'s, S> {
+    fn version(&self) -> Option<u64> {
+        Some(self.base.r.version())
     }
 }
 

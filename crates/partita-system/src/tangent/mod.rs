@@ -138,6 +138,12 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     ) -> Result<()> {
         Ok(())
     }
+    /// Contribution to the history of a run besides that of all tangents.
+    fn report(&self, history: &mut History);
+}
+
+/// Choices that are taken again, to evaluate steps that were taken with them.
+pub trait TangentReplay<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     /// Number of the choice in use and of what else evaluations depend on; `None` where it cannot be restored.
     fn version(&self) -> Option<u64> {
         None
@@ -150,8 +156,6 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     fn restore(&mut self, from: &ChoiceSnapshot) {
         self.reduction().restore(&from.reduction);
     }
-    /// Contribution to the history of a run besides that of all tangents.
-    fn report(&self, history: &mut History);
 }
 
 /// Treatment of closure errors at the end of a step, and the distance from a singular position.
@@ -186,11 +190,11 @@ pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
 
 /// A tangent basis in use: all of it.
 pub trait Tangent<'s, S: ConstrainedSystem + 's>:
-    TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S>
+    TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S> + TangentReplay<'s, S>
 {
 }
 
 impl<'s, S: ConstrainedSystem + 's, T> Tangent<'s, S> for T where
-    T: TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S>
+    T: TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S> + TangentReplay<'s, S>
 {
 }

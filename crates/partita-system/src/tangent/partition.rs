@@ -5,7 +5,7 @@
 
 use super::base::PERIOD;
 use super::chooser::{Change, Chooser};
-use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
+use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels, TangentReplay};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::FormulationOptions;
@@ -212,11 +212,14 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
         Some(within.map_or(&self.base.r.partition.independent, |event| &event.independent))
     }
-    fn version(&self) -> Option<u64> {
-        Some(self.base.r.version())
-    }
     fn report(&self, history: &mut History) {
         history.notes.extend(self.chooser.iter().flat_map(Chooser::notes));
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentReplay<'s, S> for Chosen<'s, S> {
+    fn version(&self) -> Option<u64> {
+        Some(self.base.r.version())
     }
 }
 
