@@ -19,7 +19,7 @@ from limit import commands
 from loads import AIM as LOADS_AIM
 from loads import load_costs
 from many_dof import QUESTIONS, Cost, Question, apart
-from outputs import FORCE_AIMS, OUTPUTS_AIM, first_forces, outputs_cost
+from outputs import FORCE_AIMS, OUTPUTS_AIM, STATES_AIM, first_forces, outputs_cost, states_costs
 from playground import AIM as FRAME_AIM
 from playground import frame_costs
 from poses import poses_cost
@@ -39,7 +39,7 @@ ENOUGH = 180.0
 
 
 def outputs(_: Path) -> dict[str, Any]:
-    """Many outputs against one; the first reaction."""
+    """Many outputs against one; the first reaction; states inside a run."""
     print("\nOutputs: m.simulate(1.0) of the four-bar, and the first run.joint(name).force at 1001 outputs")
     cost = outputs_cost()
     print(f"  1 output {text(cost.one)}, {cost.outputs} outputs {text(cost.many)}: {against(cost.ratio, OUTPUTS_AIM)}")
@@ -52,6 +52,12 @@ def outputs(_: Path) -> dict[str, Any]:
             f"Newton-Euler residual {force.residual:.1e}"
         )
         found[title] = asdict(force)
+    for title, states in states_costs().items():
+        print(
+            f"  {states.states} states of a run of 10 s, {title}: {text(states.array)} as an array, "
+            f"{against(states.array / states.run, STATES_AIM)}; {text(states.one_by_one)} one by one"
+        )
+        found[f"states, {title}"] = asdict(states)
     return found
 
 

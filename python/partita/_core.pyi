@@ -311,6 +311,7 @@ class Model:
         v: Array,
         progress: Callable[[float], None] | None,
         tangent: Any = None,
+        step_bytes: int = 0,
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
 
@@ -399,6 +400,16 @@ class SolutionLog:
     def counters(self) -> dict[str, int]:
         """Counts of work."""
 
+    def state(self, t: float) -> tuple[float, Array, Array] | None:
+        """t, q and v at a time where a step is kept; elsewhere of the last earlier time at which one is. None where
+        there is none."""
+
+    def states(self, times: Array) -> tuple[Array, Array, Array]:
+        """The same at these times, a row each; NaN where there is none."""
+
+    def span(self) -> tuple[float, float] | None:
+        """When the first step kept begins and the last one ends; None where none is."""
+
 class System:
     """Equations (S1)-(S5) given as callables."""
 
@@ -447,6 +458,7 @@ class System:
         v: Array,
         progress: Callable[[float], None] | None,
         tangent: Any = None,
+        step_bytes: int = 0,
     ) -> dict[str, Any]: ...
     def evaluation_costs(
         self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None

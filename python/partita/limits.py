@@ -1,7 +1,8 @@
-"""Limits of what is read: sizes, counts and depths, all in one table.
+"""Limits of what is read and kept: sizes, counts and depths, all in one table.
 
-A file above a limit is refused by a `FileFormatError` that contains the number found, the limit and its name. Raise a
-limit for some calls by `raised`, or for a whole process by the environment variable PARTITA_LIMITS, as in
+A file above a limit is refused by a `FileFormatError` that contains the number found, the limit and its name. A run
+that would keep more than `step_bytes` forgets steps, and a note says so. Raise a limit for some calls by `raised`, or
+for a whole process by the environment variable PARTITA_LIMITS, as in
 PARTITA_LIMITS="elements=2000000, model_bytes=500000000".
 
 >>> import partita as pt
@@ -60,6 +61,8 @@ TABLE: Mapping[str, Limit] = {
         Limit("list_depth", 32, "levels", "nested lists of a YAML file"),
         Limit("files", 1000, "files", "the layers of a USD stage"),
         Limit("includes", 64, "files", "files that an MJCF model includes"),
+        # a hundred thousand steps of a four-bar; a hundred such runs fit into the memory of a computer
+        Limit("step_bytes", 64 * _MIB, "bytes", "the steps that a run keeps for `run.state(t)`, in memory"),
         Limit("generated", 10_000_000, "numbers", "what counts in an MJCF file ask for: height fields, keys, textures"),
     )
 }

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .errors import ArgumentError, UnknownNameError
+from .limits import limit
 from .numeric import floats, is_list, real, shown
 from .progress import reporting
 from .solver import Solver
@@ -59,6 +60,7 @@ class Core(Protocol):
         v: Array,
         progress: Callable[[float], None] | None,
         tangent: Any = None,
+        step_bytes: int = 0,
     ) -> dict[str, Any]:
         """Outputs, logs and counters of a run."""
 
@@ -232,9 +234,9 @@ def run(
     own = None if tangent is None else tangent_of(tangent, v.size)
     q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
     if progress is False:
-        return core.simulate(chosen.core, t_eval, q, v, None, own)
+        return core.simulate(chosen.core, t_eval, q, v, None, own, limit("step_bytes"))
     with reporting(progress, chosen["t_end"] - chosen["t0"], "s") as report:
-        return core.simulate(chosen.core, t_eval, q, v, report, own)
+        return core.simulate(chosen.core, t_eval, q, v, report, own, limit("step_bytes"))
 
 
 def si(what: str, value: Any, unit: SI) -> Any:

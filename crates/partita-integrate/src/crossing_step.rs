@@ -6,7 +6,7 @@ use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::Options;
 use crate::step_size::ErrorNorm;
-use crate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, Stepper};
+use crate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, StepStorage, Stepper};
 use partita_math::tolerance;
 use std::fmt::Display;
 use std::sync::LazyLock;
@@ -342,6 +342,28 @@ impl StepControl for CrossingStep {
         let length = t - self.t_old;
         self.plan(&StepPlan { length, goal: None });
         self.counters.rejected += 1;
+    }
+}
+
+impl StepStorage for CrossingStep {
+    fn save(&self, out: &mut Vec<f64>) -> bool {
+        let Some(stages) = &self.stages else { return false };
+        out.extend([self.t_old, self.t_new, stages.h]);
+        out.extend_from_slice(&self.y_old);
+        out.extend_from_slice(&self.shift);
+        out.extend_from_slice(&stages.rates);
+        true
+    }
+    fn load(&mut self, step: &[f64], _extra: &[f64]) {
+        let dim = self.y_old.len();
+        let (times, rest) = step.split_at(3);
+        let (y_old, rest) = rest.split_at(dim);
+        let (shift, rates) = rest.split_at(dim);
+        (self.t_old, self.t_new) = (times[0], times[1]);
+        self.y_old.copy_from_slice(y_old);
+        self.shift.copy_from_slice(shift);
+        let nodes = RULES.iter().find(|nodes| nodes.count() * dim == rates.len());
+        self.stages = nodes.map(|nodes| Stages { nodes, h: times[2], rates: rates.to_vec() });
     }
 }
 

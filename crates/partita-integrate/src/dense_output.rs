@@ -28,6 +28,8 @@ pub(crate) struct ExtraStage {
 pub(crate) struct DenseRows {
     pub(crate) extra: Vec<ExtraStage>,
     pub(crate) rows: Vec<Row>,
+    /// Slots of the step that these rows and the cubic combine.
+    slots: Vec<usize>,
 }
 
 impl DenseRows {
@@ -36,7 +38,11 @@ impl DenseRows {
         let extra = (dense.nodes.iter().zip(dense.a).enumerate())
             .map(|(i, (&node, row))| ExtraStage { row: Row::new(row), node, slot: tableau.end_slot() + 1 + i })
             .collect();
-        Self { extra, rows: dense.weights.iter().map(|row| Row::new(row)).collect() }
+        let used =
+            |slot: &usize| dense.a.iter().chain(dense.weights).any(|row| row.get(*slot).is_some_and(|w| *w != 0.0));
+        let end = tableau.end_slot();
+        let slots = (0..=end).filter(|slot| *slot == 0 || *slot == end || used(slot)).collect();
+        Self { extra, rows: dense.weights.iter().map(|row| Row::new(row)).collect(), slots }
     }
 }
 
@@ -66,6 +72,8 @@ pub(crate) fn nested<'a, const N: usize>(theta: f64, last: usize, f: impl Fn(usi
 pub(crate) struct DenseOutput {
     table: Cow<'static, DenseRows>,
     pub(crate) ready: bool,
+    /// Whether the extra stages are known without these.
+    pub(crate) evaluated: bool,
     stride: usize,
     coefficients: Vec<f64>,
 }
@@ -73,14 +81,18 @@ pub(crate) struct DenseOutput {
 impl DenseOutput {
     pub(crate) fn new(table: Cow<'static, DenseRows>, stride: usize) -> Self {
         let coefficients = vec![0.0; (3 + table.rows.len()) * stride];
-        Self { table, ready: false, stride, coefficients }
+        Self { table, ready: false, evaluated: false, stride, coefficients }
     }
 
-    /// This many rows over all slots, whose weights change from step to step.
-    pub(crate) fn remade(rows: usize, slots: usize, stride: usize) -> Self {
-        let coefficients = vec![0.0; (3 + rows) * stride];
-        let table = DenseRows { extra: Vec::new(), rows: (0..rows).map(|_| Row::full(slots)).collect() };
-        Self { table: Cow::Owned(table), ready: false, stride, coefficients }
+    /// This many rows over all `count` slots, whose weights change from step to step; of them these are combined.
+    pub(crate) fn remade(rows: usize, count: usize, slots: &[usize], stride: usize) -> Self {
+        let rows = (0..rows).map(|_| Row::full(count)).collect();
+        Self::new(Cow::Owned(DenseRows { extra: Vec::new(), rows, slots: slots.to_vec() }), stride)
+    }
+
+    /// Slots of the step that it combines.
+    pub(crate) fn slots(&self) -> &[usize] {
+        &self.table.slots
     }
 
     /// The weights of such rows.

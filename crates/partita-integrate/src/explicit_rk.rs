@@ -114,7 +114,7 @@ impl ExplicitRungeKutta {
         let vector = || vec![0.0; stride];
         let (method, dense) = match remembers {
             true => {
-                let dense = DenseOutput::remade(memory::MOST - 2, memory::SLOTS, stride);
+                let dense = DenseOutput::remade(memory::MOST - 2, memory::SLOTS, &memory::DENSE_SLOTS, stride);
                 (Cow::Owned(Method::remade(memory::SLOTS)), dense)
             }
             false => {
@@ -305,7 +305,8 @@ impl ExplicitRungeKutta {
 
     fn prepare_dense_output<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
         let (h, dim) = (self.attempted_h, self.dim);
-        for stage in self.dense.extra() {
+        let missing = if self.dense.evaluated { &[] } else { self.dense.extra() };
+        for stage in missing {
             stage.row.advance(&self.stages, h, &self.y_old, &mut self.y_stage);
             let (t, begin) = (self.t_old + stage.node * h, stage.slot * self.stride);
             self.counters.dense_evaluations += 1;
@@ -342,7 +343,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         self.y_old[..self.dim].copy_from_slice(y);
         self.y_new[..self.dim].copy_from_slice(y);
         self.phase = Phase::Ready;
-        self.dense.ready = false;
+        (self.dense.ready, self.dense.evaluated) = (false, false);
         self.controller.reset();
         (self.corner_ahead, self.corner_behind) = (false, false);
         self.forget();

@@ -20,6 +20,7 @@ pub mod options;
 mod rounding;
 pub mod simulate;
 pub mod singular_start;
+pub mod step_log;
 pub mod step_size;
 pub mod stepper;
 pub mod tableau;

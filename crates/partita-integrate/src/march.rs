@@ -1,9 +1,11 @@
 //! Marching: steps, corrections, changes of coordinates.
 
 mod outputs;
+mod replay;
 
 use outputs::OUTPUTS_BESIDE;
 pub use outputs::{Outputs, Sink};
+pub use replay::StepReader;
 
 use crate::counters::Counters;
 use crate::crossing_step::CrossingStep;
@@ -11,6 +13,7 @@ use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options, OptionsError};
+use crate::step_log::StepLog;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use crate::watch::{find_singular_times, Lengths, Located, Look, StepView, Track, Watch as _, Watches};
 use partita_math::tolerance;
@@ -152,6 +155,8 @@ pub struct March {
     output: Output,
     /// Error that what acts abruptly may add to a step, relative to the velocities, and absolute, in natural sizes.
     tolerance: (f64, f64),
+    /// The steps taken.
+    log: StepLog,
 }
 
 /// What becomes of the step that was looked at.
@@ -212,6 +217,7 @@ impl March {
             slope: vec![0.0; dim],
             output: Output { turns: vec![0; nq], ..Output::default() },
             tolerance,
+            log: StepLog::default(),
         })
     }
 
@@ -632,6 +638,7 @@ impl March {
             self.crossing.interpolate(&mut Adapter::new(formulation), t_end, &mut self.y)?;
         }
         self.watches.accept(&mut self.track);
+        self.log_step(formulation);
         self.active().commit();
         if across {
             let end = self.crossing.current();

@@ -6,6 +6,7 @@ pub use crate::march::Status;
 use crate::march::{is_of_a_position, Control, March, Outputs};
 use crate::method::Method;
 use crate::options::Options;
+use crate::step_log::StepLog;
 use partita_system::formulation::Formulation;
 use partita_system::record::{Crossings, Output};
 use partita_system::SystemError;
@@ -59,6 +60,22 @@ pub fn simulate(
     sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Outcome, SystemError> {
+    simulate_logged(formulation, (t, q, v), t_eval, settings, &mut StepLog::default(), sink, watch)
+}
+
+/// As [`simulate`], with the steps kept in `log`.
+///
+/// # Errors
+/// See [`simulate`].
+pub fn simulate_logged(
+    formulation: &mut dyn Formulation,
+    (t, q, v): (f64, &[f64], &[f64]),
+    t_eval: &[f64],
+    settings: &Settings,
+    log: &mut StepLog,
+    sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
+    watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Outcome, SystemError> {
     let control = Control::Free { max_steps: settings.max_steps };
     let mut march = March::new(formulation, q.len(), settings.method, settings.options.clone(), control)
         .map_err(|e| SystemError::argument("settings", format!("settings: {e}")))?;
@@ -83,9 +100,12 @@ pub fn simulate(
             other => Err(SystemError::argument("initial", other.to_string())),
         };
     }
+    march.log_into(std::mem::take(log));
     let ended = march.go_on(formulation, &mut outputs, watch);
+    *log = march.take_log();
     let counters = march.counters();
     let t = march.time();
+    log.end_at(t);
     let (status, message, error) = match ended {
         Ok(status) => (status, sentence(status, t, settings), None),
         Err(failure) => explain(failure, t),

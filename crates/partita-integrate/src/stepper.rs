@@ -95,6 +95,20 @@ pub trait StepControl: Debug + Send + Sync {
     }
 }
 
+/// Concluded steps as numbers, to be interpolated later.
+pub trait StepStorage {
+    /// Append what [`interpolate`](Stepper::interpolate) reads of the concluded step, without the slopes that it evaluates.
+    /// False where steps cannot be loaded again.
+    fn save(&self, _out: &mut Vec<f64>) -> bool {
+        false
+    }
+    /// Append the slopes that `interpolate` has evaluated in this step; nothing where there are none.
+    fn save_extra(&self, _out: &mut Vec<f64>) {}
+    /// The step that was saved becomes the concluded one again, to be interpolated; `extra` are the slopes of
+    /// `save_extra`, or nothing.
+    fn load(&mut self, _step: &[f64], _extra: &[f64]) {}
+}
+
 /// Corrects the end of a step and leaves its slope: `end(t, y, dy, known)`, where `known` states that dy contains the
 /// slope at y, the last one evaluated. The answer is whether the equation was evaluated.
 pub type StepEnd<'e, E> = &'e mut dyn FnMut(f64, &mut [f64], &mut [f64], bool) -> Result<bool, RhsError<E>>;
@@ -102,7 +116,7 @@ pub type StepEnd<'e, E> = &'e mut dyn FnMut(f64, &mut [f64], &mut [f64], bool) -
 /// A method of integration at work on one equation, whose evaluations fail with `E`.
 ///
 /// Memory is taken when the stepper is made; steps allocate nothing.
-pub trait Stepper<E: Display>: StepControl {
+pub trait Stepper<E: Display>: StepControl + StepStorage {
     /// Set the state, evaluate f there and choose the first step towards `t_end`, which may lie on either side. The
     /// counters are kept.
     ///

@@ -375,7 +375,7 @@ impl Model {
         })
     }
 
-    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None))]
+    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None, step_bytes=0))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -385,13 +385,14 @@ impl Model {
         v: Vector<'py>,
         progress: Option<Py<PyAny>>,
         tangent: Option<TangentFunctions>,
+        step_bytes: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
-            let options = options.get().request();
+            let options = options.get().keeping(step_bytes);
             let (q, v) = self.state(&q, &v)?;
             let (system, calls) = (self.inner.clone(), self.inner.equations().calls_functions());
             let tangent = run::tangent(self.nv(), tangent);
-            run::run(py, system, options, &t_eval, (&q, &v), tangent, progress, calls)
+            run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, calls)
         })
     }
 

@@ -6,21 +6,24 @@ use crate::failure::{self, guarded, raise};
 use crate::outputs::{assessed, described, watched};
 use crate::state::Array;
 use crate::tangent::{TangentFunctions, UserTangent};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use partita_analysis::error::AnalysisError;
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
 use partita_integrate::counters::Counters;
+use partita_integrate::march::StepReader;
 use partita_integrate::simulate::Status;
+use partita_integrate::step_log::StepLog;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
-use partita_system::record::FormulationCounters;
-use partita_system::SystemError;
+use partita_system::record::{FormulationCounters, Output};
+use partita_system::{Size, SystemError};
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::ops::ControlFlow;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Read options written by the Python package.
@@ -46,6 +49,11 @@ impl Options {
     pub fn request(&self) -> &Request {
         &self.0
     }
+
+    /// The same, with so much memory for the steps of the run.
+    pub fn keeping(&self, step_bytes: usize) -> Request {
+        Request { step_bytes, ..self.0.clone() }
+    }
 }
 
 /// The user's tangent velocities for a system of n velocities.
@@ -53,12 +61,21 @@ pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn 
     functions.map(|functions| Arc::new(UserTangent { n, functions }) as Arc<dyn TangentMap>)
 }
 
+/// The numbers of one state.
+type Flat<'py> = Bound<'py, PyArray1<f64>>;
+
+/// Whether what was read could be evaluated.
+type Read = Result<(), AnalysisError>;
+
 /// A run from which further quantities can be computed.
 trait Reported: Send + Sync {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>>;
     fn work(&self) -> Vec<f64>;
+    fn read(&self, take: &mut dyn FnMut(&SolutionLog, &mut StepReader) -> Read) -> Read;
+    fn steps(&self) -> Option<&StepLog>;
+    fn size(&self) -> Size;
 }
 
 /// Findings as plain data: broken, t, sentence.
@@ -71,9 +88,11 @@ struct RunLog<S> {
     log: SolutionLog,
     /// Without user functions outputs may be computed concurrently.
     shared: bool,
+    /// What read the steps the last time.
+    reader: Mutex<Option<StepReader<'static>>>,
 }
 
-impl<S: Balance + Send + Sync> Reported for RunLog<S> {
+impl<S: Balance + Send + Sync + 'static> Reported for RunLog<S> {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let size = self.system.size();
         let found = watched(py, |watch| self.log.describe::<S>(&self.system, self.shared, watch))?;
@@ -108,6 +127,23 @@ impl<S: Balance + Send + Sync> Reported for RunLog<S> {
     }
     fn work(&self) -> Vec<f64> {
         self.log.work(&*self.system)
+    }
+    fn read(&self, take: &mut dyn FnMut(&SolutionLog, &mut StepReader) -> Read) -> Read {
+        // another thread, or a function of the user called from here, may have taken it
+        let known = self.reader.try_lock().ok().and_then(|mut reader| reader.take());
+        let made = || self.log.reader::<S>(self.system.clone());
+        let Some(mut reader) = known.map_or_else(made, |reader| Ok(Some(reader)))? else { return Ok(()) };
+        let read = take(&self.log, &mut reader);
+        if let Ok(mut kept) = self.reader.try_lock() {
+            *kept = Some(reader);
+        }
+        read
+    }
+    fn steps(&self) -> Option<&StepLog> {
+        self.log.steps.as_ref().map(|steps| &steps.0)
+    }
+    fn size(&self) -> Size {
+        self.system.size()
     }
 }
 
@@ -153,6 +189,49 @@ impl Account {
     fn exchanged(&self) -> f64 {
         self.exchanged
     }
+    /// t, q and v at a time where a step is kept; elsewhere of the last earlier time at which one is. None where there is
+    /// none.
+    fn state<'py>(&self, py: Python<'py>, t: f64) -> PyResult<Option<(f64, Flat<'py>, Flat<'py>)>> {
+        guarded(py, || {
+            let mut found = None;
+            let read = self.run.read(&mut |log, reader| {
+                let Some((steps, _)) = &log.steps else { return Ok(()) };
+                let at = |x: &Output| (x.t, PyArray1::from_iter(py, whole(x)), PyArray1::from_slice(py, &x.v));
+                found = reader.read(steps, t)?.map(at);
+                Ok(())
+            });
+            read.map_err(|e| failure::analysis(py, e))?;
+            Ok(found)
+        })
+    }
+    /// The same at these times, a row each; NaN where there is none.
+    fn states<'py>(
+        &self,
+        py: Python<'py>,
+        times: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Array<'py>, Array<'py>, Array<'py>)> {
+        guarded(py, || {
+            let (times, size) = (entries_of(&times), self.run.size());
+            let n = times.len();
+            let mut rows = [vec![f64::NAN; n], vec![f64::NAN; n * size.nq], vec![f64::NAN; n * size.nv]];
+            let [t, q, v] = &mut rows;
+            watched(py, |watch| {
+                self.run.read(&mut |log, reader| {
+                    log.read(reader, &times, watch, &mut |i, x| {
+                        t[i] = x.t;
+                        q[i * size.nq..(i + 1) * size.nq].iter_mut().zip(whole(x)).for_each(|(to, q)| *to = q);
+                        v[i * size.nv..(i + 1) * size.nv].copy_from_slice(&x.v);
+                    })
+                })
+            })?;
+            let [t, q, v] = rows;
+            Ok((array(py, &[n], t), array(py, &[n, size.nq], q), array(py, &[n, size.nv], v)))
+        })
+    }
+    /// When the first step kept begins and the last one ends; None where none is.
+    fn span(&self) -> Option<(f64, f64)> {
+        self.run.steps().and_then(StepLog::span)
+    }
     /// Counts of work.
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let counters = PyDict::new(py);
@@ -174,6 +253,8 @@ impl Account {
             (intern!(py, "newton_iterations"), f.newton_iterations),
             (intern!(py, "proximal_iterations"), f.proximal_iterations),
             (intern!(py, "compiled_evaluations"), f.compiled_evaluations),
+            (intern!(py, "kept_steps"), self.run.steps().map_or(0, StepLog::count) as u64),
+            (intern!(py, "kept_step_bytes"), self.run.steps().map_or(0, StepLog::bytes) as u64),
         ] {
             counters.set_item(name, value)?;
         }
@@ -334,6 +415,11 @@ fn ended(py: Python<'_>, message: &str, t: f64, name: &str, cause: PyErr) -> PyE
     error
 }
 
+/// Coordinates with their whole turns.
+fn whole(x: &Output) -> impl Iterator<Item = f64> + '_ {
+    x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n))
+}
+
 /// What a run reports at once: its times and states, how it ended, and its log, which has all else.
 fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     py: Python<'py>,
@@ -344,7 +430,7 @@ fn reported_run<'py, S: Balance + Send + Sync + 'static>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let (size, outputs) = (system.size(), &run.log.outputs);
     let nt = outputs.len();
-    let q = outputs.iter().flat_map(|x| x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n))).collect();
+    let q = outputs.iter().flat_map(whole).collect();
     let v = outputs.iter().flat_map(|x| x.v.iter().copied()).collect();
     let arrays = PyDict::new(py);
     arrays.set_item(intern!(py, "t"), array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
@@ -359,7 +445,7 @@ fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     d.set_item(intern!(py, "message"), &run.outcome.message)?;
     d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
     let log = Account {
-        run: Box::new(RunLog { system, log: run.log, shared }),
+        run: Box::new(RunLog { system, log: run.log, shared, reader: Mutex::new(None) }),
         steps: run.outcome.counters,
         work: run.counters,
         steps_open: run.closure_error,

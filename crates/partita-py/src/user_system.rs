@@ -304,7 +304,7 @@ impl System {
         })
     }
 
-    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None))]
+    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None, step_bytes=0))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -314,13 +314,14 @@ impl System {
         v: PyReadonlyArray1<'py, f64>,
         progress: Option<Py<PyAny>>,
         tangent: Option<TangentFunctions>,
+        step_bytes: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
-            let options = options.get().request();
+            let options = options.get().keeping(step_bytes);
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
             let system = Arc::new(self.measured(py, options.t0, &q)?);
             let tangent = run::tangent(self.f.n, tangent);
-            run::run(py, system, options, &t_eval, (&q, &v), tangent, progress, true)
+            run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, true)
         })
     }
 

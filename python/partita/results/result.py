@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from .. import options as run_options
 from ..errors import ArgumentError
 from ..notebook import names, table
+from ..numeric import floats, is_list, shown
 from ..state import Layout, State, finite_time
 from ..webpage import Page, opened
 from .names import missing_attribute
@@ -67,54 +69,120 @@ class Result(Run):
                 raise AttributeError(name)
             raise missing_attribute("a result", type(self), name, ELSEWHERE, "dir(run) lists what it has")
 
-    def state(self, t: float | None = None) -> State:
-        """The state at time `t` [s] of the run, from which another one can start (`initial=`); None: at its end.
+    @overload
+    def state(self, t: float | None = None) -> State: ...
+    @overload
+    def state(self, t: Sequence[float] | FloatArray) -> list[State]: ...
 
-        At the time of an output it is that output. Between two outputs it is integrated from the previous one, with the
-        method and the tolerances of the run, and closed to round-off. Runs can therefore be restarted from any instant.
+    def state(self, t: float | Sequence[float] | FloatArray | None = None) -> State | list[State]:
+        """The state at time `t` [s] of the run, from which another one can start (`initial=`); None: the last output.
 
-        Raises `ArgumentError` for a time outside the run and, between outputs, for a stored result or a run with
-        user-defined tangent velocities.
+        At the time of an output it is that output. Elsewhere it is read from the steps that the run keeps in memory, as
+        an output at that time would be: their dense output, closed to round-off. It costs about as much as one or two
+        evaluations. Of an array of times the states are a list, in its order.
 
+        The memory for steps is bounded (`partita.limits`, "step_bytes"); `counters["kept_steps"]` and
+        `counters["kept_step_bytes"]` say what they take. A longer run keeps every second step, or every fourth, which a
+        note reports: a state between those is integrated from the last one known before it, with the method and the
+        tolerances of the run. So it is in the first step out of a singular position, for results of steppers, which
+        keep no steps, and for formulations whose evaluations solve for coordinates ("wehage-haug", "explicit-closing",
+        "tangent-space"). A member of an ensemble keeps none either: ask its own run, `ensemble.result(i).state(t)`.
+
+        Raises `ArgumentError` for a time outside the run and, between outputs, for a stored or pickled result and for a
+        run with user-defined tangent velocities.
+
+        >>> import numpy as np
         >>> import partita as pt
         >>> m = pt.catalogue.load("four-bar")
         >>> run = m.simulate(1.0, t_eval=[0.0, 1.0])
         >>> again = m.simulate(0.7, initial=run.state(0.3), t_eval=[1.0])
         >>> bool(abs(again.q[-1] - run.q[-1]).max() < 1e-6)
         True
+        >>> [round(state.t, 1) for state in run.state(np.linspace(0.1, 0.3, 3))]
+        [0.1, 0.2, 0.3]
         """
-        if not len(self.t):
-            raise ArgumentError("the run has no outputs, so there is no state", argument="t")
-        time = float(self.t[-1]) if t is None else finite_time(t)
-        if not self.t[0] <= time <= self.t[-1]:
-            raise ArgumentError(
-                f"t = {time:g} s is outside the outputs of the run, from {self.t[0]:g} to {self.t[-1]:g} s",
-                argument="t",
-            )
-        i = int(np.searchsorted(self.t, time, side="right")) - 1
-        q, v = self.q[i], self.v[i]
-        if time != self.t[i]:
-            q, v = self._between(i, time)
-        if self._source is not None:
-            layout = Layout(self.summary)
-            if isinstance(self._source, ModelSource):
-                layout = layout.reading(self._source.model, self.summary)
-            return State(time, q.copy(), v.copy(), layout=layout)
-        return State(time, q.copy(), v.copy(), list(self.names.coordinates), list(self.names.velocities))
+        if t is None:
+            if not len(self.t):
+                raise ArgumentError("the run has no outputs, so there is no state", argument="t")
+            return State.computed(float(self.t[-1]), self.q[-1].copy(), self.v[-1].copy(), self._layout)
+        if is_list(t):
+            times = _times(t)
+            for outside in times[(times < self._known[0]) | (times > self._known[1])].tolist():
+                raise self._not_inside(outside)
+            return self._read(times)
+        time = finite_time(t)
+        if not self._known[0] <= time <= self._known[1]:
+            raise self._not_inside(time)
+        i = int(self.t.searchsorted(time, side="right")) - 1
+        if i >= 0 and self.t[i] == time:
+            return State.computed(time, self.q[i].copy(), self.v[i].copy(), self._layout)
+        log = self._record.arrays.log
+        read = None if log is None else log.state(time)
+        if i >= 0 and (read is None or read[0] < self.t[i]):
+            read = float(self.t[i]), self.q[i], self.v[i]
+        return self._from(read, time)
 
-    def _between(self, i: int, t: float) -> tuple[FloatArray, FloatArray]:
-        """Coordinates and velocities at t, behind output i."""
+    def _read(self, times: FloatArray) -> list[State]:
+        """The states at times inside the run."""
+        log = self._record.arrays.log
+        t, q, v = np.full(len(times), np.nan), *(np.full((len(times), x.shape[1]), np.nan) for x in (self.q, self.v))
+        if log is not None:
+            t, q, v = log.states(times)
+        before = self.t.searchsorted(times, side="right") - 1
+        output = self.t[before] if len(self.t) else t
+        # what was asked is an output, or none read is as near
+        take = (before >= 0) & ((output == times) | ~(t >= output))
+        t[take], q[take], v[take] = output[take], self.q[before[take]], self.v[before[take]]
+        known = zip(t.tolist(), q, v, strict=True)
+        return [self._from(state, time) for state, time in zip(known, times.tolist(), strict=True)]
+
+    @cached_property
+    def _known(self) -> tuple[float, float]:
+        """From when to when states are known."""
+        log = self._record.arrays.log
+        known = [*self.t[:1].tolist(), *self.t[-1:].tolist(), *((None if log is None else log.span()) or ())]
+        return min(known, default=np.inf), max(known, default=-np.inf)
+
+    def _not_inside(self, t: float) -> ArgumentError:
+        begins, ends = self._known
+        where = (
+            f"is outside the run, from {begins:g} to {ends:g} s" if begins <= ends else "is not known: it ended at once"
+        )
+        return ArgumentError(f"t = {t:g} s {where}", argument="t")
+
+    def _from(self, known: tuple[float, FloatArray, FloatArray] | None, t: float) -> State:
+        """The state at t, from the last one known until then."""
+        if known is None or known[0] != t:
+            known = t, *self._integrated(known, t)
+        return State.computed(*known, self._layout)
+
+    @cached_property
+    def _layout(self) -> Layout:
+        """The layout of its states."""
+        if self._source is None:
+            layout = Layout()
+            layout.names, layout.velocity_names = list(self.names.coordinates), list(self.names.velocities)
+            return layout
+        layout = Layout(self.summary)
+        if isinstance(self._source, ModelSource):
+            layout = layout.reading(self._source.model, self.summary)
+        return layout
+
+    def _integrated(
+        self, known: tuple[float, FloatArray, FloatArray] | None, t: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Coordinates and velocities at t, from the last state known before it."""
         model = self._source.model if isinstance(self._source, ModelSource) else None
         chosen = {key: value for key, value in self.options.items() if key != "coordinates"}
-        if model is None or chosen.get("formulation") == "user-tangent":
+        if known is None or model is None or chosen.get("formulation") == "user-tangent" or not np.isfinite(known[0]):
             raise ArgumentError(
                 f"t = {t:g} s lies between outputs, and the data needed to integrate up to it are not available; give "
-                f"one of the "
-                f"outputs, such as {self.t[i]:.12g} s, or simulate with t there in t_eval",
+                "the time of an output, or simulate with t there in t_eval",
                 argument="t",
             )
-        chosen = run_options.Options(chosen, t0=float(self.t[i]), t_end=t)
-        raw = run_options.run(model, chosen, np.array([t]), self.q[i], self.v[i], False)
+        since, q, v = known
+        chosen = run_options.Options(chosen, t0=since, t_end=t)
+        raw = run_options.run(model, chosen, np.array([t]), q, v, False)
         q, v = raw["arrays"]["q"], raw["arrays"]["v"]
         if not raw["success"] or not len(q):
             raise raw["error"] or ArgumentError(
@@ -333,3 +401,14 @@ class Result(Run):
     @property
     def _switches(self) -> int:
         return switches_of(self)
+
+
+def _times(values: Any) -> FloatArray:
+    """Finite times."""
+    try:
+        times = floats(values)
+    except TypeError as error:
+        raise ArgumentError(f"t must be a number or an array of times, not {shown(values)}", argument="t") from error
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise ArgumentError("t must be a number or a flat array of finite times", argument="t")
+    return times

@@ -36,6 +36,15 @@ class SolutionLog(Protocol):
     def counters(self) -> dict[str, int]:
         """Counts of work."""
 
+    def state(self, t: float) -> tuple[float, NDArray[np.float64], NDArray[np.float64]] | None:
+        """t, q and v at a time where a step is kept; elsewhere of the last earlier time at which one is."""
+
+    def states(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """The same at these times, a row each; NaN where there is none."""
+
+    def span(self) -> tuple[float, float] | None:
+        """When the first step kept begins and the last one ends."""
+
 
 class Tables(Mapping[str, NDArray[Any]]):
     """The arrays `NAMES` of a run. `t`, `q` and `v` exist from the start. Accelerations, multipliers and

@@ -19,7 +19,8 @@ pub use stepping::Stepping;
 pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
-use partita_integrate::simulate::{simulate, Outcome, Status};
+use partita_integrate::simulate::{simulate_logged, Outcome, Status};
+use partita_integrate::step_log::StepLog;
 use partita_math::formatted;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
@@ -78,6 +79,19 @@ fn note_of_rounding(outcome: &Outcome, request: &Request) -> String {
         outcome.counters.by_rounding,
         outcome.counters.steps
     )
+}
+
+/// Where the steps of a run do not fit into the memory allowed for them.
+fn note_of_steps(steps: &StepLog, limit: usize) -> Option<String> {
+    let kept = match (steps.every(), steps.is_given_up()) {
+        (1, false) => return None,
+        (_, true) => "none is kept".into(),
+        (every, false) => format!("one in {every} is kept"),
+    };
+    Some(format!(
+        "the steps of the run take more than {limit} bytes (limit \"step_bytes\"), so {kept}: states between outputs \
+         that lie in others are integrated from the last one known before them"
+    ))
 }
 
 /// For a motion that stopped, determine whether a drive exceeded a limit of the joints. Whether the step size or the
@@ -157,7 +171,9 @@ fn integrated<S: Balance<Scratch: Send>>(
         outputs.push(Output { work: output.work + work, ..output.clone() });
         Ok(())
     };
-    let mut outcome = match simulate(&mut *f, t, &q_start, &v_start, &reached[done..], &settings, &mut sink, watch) {
+    let mut steps = StepLog::within(request.step_bytes);
+    let (from, times) = ((t, &q_start[..], &v_start[..]), &reached[done..]);
+    let mut outcome = match simulate_logged(&mut *f, from, times, &settings, &mut steps, &mut sink, watch) {
         Err(SystemError::Singular { .. }) if rigid => return Err(prepared::no_reactions()),
         Err(e) => return Err(prepared::explained(system, e.into())),
         Ok(outcome) => outcome,
@@ -189,7 +205,8 @@ fn integrated<S: Balance<Scratch: Send>>(
     let (rows, counters, events, closure_error, gaps) =
         (reported.rows, reported.counters, reported.events, reported.closure_error, reported.gaps);
     notes.extend(verdict::note_of_nearness(system, &reported.checks));
-    let log = SolutionLog { recipe, events, outputs, limits };
+    notes.extend(note_of_steps(&steps, request.step_bytes));
+    let log = SolutionLog { recipe, events, outputs, limits, steps: Some((steps, settings)) };
     let mut findings = Vec::new();
     limits.judge(system, &gaps, "the end of the step", &mut findings);
     limits.judge_checks(system, &reported.checks, &mut findings);

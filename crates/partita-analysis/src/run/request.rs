@@ -65,6 +65,9 @@ pub struct Request {
     /// Whether a thread of its own does that where it is worth while.
     #[serde(skip)]
     pub compiles_beside: bool,
+    /// Memory for the steps, which states are read from later; 0: none is kept.
+    #[serde(skip)]
+    pub step_bytes: usize,
 }
 
 /// A part of the quality when frozen, or the words "each step".
@@ -121,6 +124,7 @@ impl Request {
             renew: Renewal::Part(0.5),
             compiled: None,
             compiles_beside: false,
+            step_bytes: 0,
         }
     }
 

@@ -4,9 +4,15 @@ use super::verdict::{Finding, Limits};
 use super::{Balance, Motions, Recipe};
 use crate::error::AnalysisError;
 use crate::outputs::{tables, Rows, Watch};
+use partita_integrate::march::StepReader;
+use partita_integrate::simulate::Settings;
+use partita_integrate::step_log::StepLog;
 use partita_system::record::{Gap, Gaps, Output, PartitionEvent, Sample};
 use partita_system::reduction::largest;
-use partita_system::{ConstrainedSystem, SystemError};
+use partita_system::{ConstrainedSystem, SystemError, SystemRef};
+
+/// States read between two looks at an interrupt. Reason: fractions of a second even for large mechanisms.
+const READ_AT_ONCE: usize = 64;
 
 /// Outputs of a run with the choices in use: from them everything else about an instant can be computed later.
 pub struct SolutionLog {
@@ -18,6 +24,8 @@ pub struct SolutionLog {
     pub outputs: Vec<Output>,
     /// Limits of constraint violations.
     pub limits: Limits,
+    /// The steps, with the settings by which they were taken; none of a stepper.
+    pub steps: Option<(StepLog, Settings)>,
 }
 
 /// Accelerations, multipliers and closures at all outputs, row by row.
@@ -66,6 +74,50 @@ fn chunk(nv: usize) -> usize {
 }
 
 impl SolutionLog {
+    /// What reads the steps of a run of this system; none where no step is kept.
+    ///
+    /// # Errors
+    /// Where the formulation cannot be made.
+    pub fn reader<'s, S: Motions + 's>(
+        &self,
+        system: impl Into<SystemRef<'s, S>>,
+    ) -> Result<Option<StepReader<'s>>, AnalysisError> {
+        let Some((_, settings)) = self.steps.as_ref().filter(|(log, _)| log.count() > 0) else { return Ok(None) };
+        let system = system.into();
+        let nq = system.size().nq;
+        let formulation = self.recipe.make(system)?;
+        StepReader::new(formulation, nq, settings.method, settings.options.clone())
+            .map(Some)
+            .map_err(|e| SystemError::argument("settings", format!("settings: {e}")).into())
+    }
+
+    /// Read the states at these times into `take`, with the number of each; where no step is kept that at the last earlier
+    /// time at which one is, if there is one.
+    ///
+    /// # Errors
+    /// Where something cannot be evaluated, and those of `watch`.
+    pub fn read(
+        &self,
+        reader: &mut StepReader,
+        times: &[f64],
+        watch: Watch,
+        take: &mut dyn FnMut(usize, &Output),
+    ) -> Result<(), AnalysisError> {
+        let Some((log, _)) = &self.steps else { return Ok(()) };
+        // in the order of time, so that each step is loaded once
+        let mut order: Vec<usize> = (0..times.len()).collect();
+        order.sort_by(|i, j| times[*i].total_cmp(&times[*j]));
+        for (done, i) in order.into_iter().enumerate() {
+            if done % READ_AT_ONCE == READ_AT_ONCE - 1 {
+                watch()?;
+            }
+            if let Some(state) = reader.read(log, times[i])? {
+                take(i, state);
+            }
+        }
+        Ok(())
+    }
+
     /// One table for each width, a row for each output described by the formulation.
     fn tables<S: Motions>(
         &self,

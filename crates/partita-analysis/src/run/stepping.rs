@@ -332,7 +332,8 @@ impl<'s> Stepping<'s> {
         let mut findings = Vec::new();
         self.limits.judge(&*self.system, &self.gaps, "the end of the step", &mut findings);
         self.limits.judge_checks(&*self.system, &self.checks, &mut findings);
-        let log = SolutionLog { recipe: self.recipe.clone(), events: reported.events, outputs, limits: self.limits };
+        let (recipe, limits, events) = (self.recipe.clone(), self.limits, reported.events);
+        let log = SolutionLog { recipe, events, outputs, limits, steps: None };
         if !here {
             verdict::conclude(&*self.system, &mut *self.formulation, (&log, None), &mut outcome, &mut findings);
         }

@@ -2,7 +2,7 @@
 
 use super::{memory, ExplicitRungeKutta, Phase};
 use crate::counters::Counters;
-use crate::stepper::{CurrentStep, StepControl, StepPlan};
+use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
 use partita_math::tolerance;
 
 impl StepControl for ExplicitRungeKutta {
@@ -121,6 +121,43 @@ impl StepControl for ExplicitRungeKutta {
     }
 }
 
+impl StepStorage for ExplicitRungeKutta {
+    fn save(&self, out: &mut Vec<f64>) -> bool {
+        out.extend([self.t_old, self.t_new, self.attempted_h]);
+        out.extend_from_slice(&self.y_old[..self.dim]);
+        out.extend_from_slice(&self.y_new[..self.dim]);
+        let count = self.memory.as_ref().map_or(self.dense.slots().len(), |memory| memory.save(out));
+        for &slot in &self.dense.slots()[..count] {
+            out.extend_from_slice(self.slot(slot));
+        }
+        true
+    }
+
+    fn save_extra(&self, out: &mut Vec<f64>) {
+        if self.dense.ready {
+            self.dense.extra().iter().for_each(|stage| out.extend_from_slice(self.slot(stage.slot)));
+        }
+    }
+
+    fn load(&mut self, step: &[f64], extra: &[f64]) {
+        let (dim, stride) = (self.dim, self.stride);
+        let (times, rest) = step.split_at(3);
+        (self.t_old, self.t_new, self.attempted_h) = (times[0], times[1], times[2]);
+        let (y_old, rest) = rest.split_at(dim);
+        let (y_new, mut rest) = rest.split_at(dim);
+        self.y_old[..dim].copy_from_slice(y_old);
+        self.y_new[..dim].copy_from_slice(y_new);
+        if let Some(memory) = &mut self.memory {
+            rest = memory.load(rest);
+        }
+        let mut fill = |slot: usize, of: &[f64]| self.stages[slot * stride..slot * stride + dim].copy_from_slice(of);
+        self.dense.slots().iter().zip(rest.chunks_exact(dim.max(1))).for_each(|(slot, of)| fill(*slot, of));
+        self.dense.extra().iter().zip(extra.chunks_exact(dim.max(1))).for_each(|(stage, of)| fill(stage.slot, of));
+        (self.dense.ready, self.dense.evaluated) = (false, !extra.is_empty());
+        self.phase = Phase::Concluded;
+    }
+}
+
 impl ExplicitRungeKutta {
     /// The next step is judged by the tolerance alone again.
     fn judge_anew(&mut self) {
@@ -139,5 +176,67 @@ impl ExplicitRungeKutta {
     /// Error of the attempted step in units of the tolerance, at most one; 0 with a fixed step.
     pub fn error_ratio(&self) -> f64 {
         self.error
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ode::{Ode, RhsError};
+    use crate::options::Options;
+    use crate::stepper::Stepper;
+    use crate::tableau::{HEUN_EULER, METHODS};
+
+    /// A swing, and its evaluations.
+    struct Swing(usize);
+
+    impl Ode for Swing {
+        type Error = String;
+        fn dim(&self) -> usize {
+            2
+        }
+        fn rhs(&mut self, _t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), RhsError<String>> {
+            self.0 += 1;
+            (dy[0], dy[1]) = (y[1], -y[0].sin());
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_step_that_is_loaded_has_the_bits_of_the_one_saved_and_evaluates_its_slopes_once() {
+        for (method, remembers) in METHODS.map(|method| (method, false)).into_iter().chain([(&HEUN_EULER, true)]) {
+            let options = Options { fixed_step: (method.error_order == 0).then_some(0.1), ..Options::default() };
+            let make = if remembers { ExplicitRungeKutta::remembering } else { ExplicitRungeKutta::new };
+            let mut stepper = make(method, 2, options.clone()).unwrap();
+            let mut reader = make(method, 2, options).unwrap();
+            let mut ode = Swing(0);
+            stepper.start(&mut ode, 0.0, &[1.0, 0.3], 3.0).unwrap();
+            while !StepControl::current(&stepper).finished() {
+                stepper.attempt(&mut ode).unwrap();
+                let end: crate::stepper::StepEnd<String> = &mut |t, y, dy, _| {
+                    y[0] += 1e-9;
+                    Swing(0).rhs(t, y, dy).map(|()| true)
+                };
+                assert_eq!(stepper.conclude(end), Ok(crate::stepper::Conclusion::Done));
+                let (mut step, mut extra) = (Vec::new(), Vec::new());
+                assert!(stepper.save(&mut step));
+                let (from, to) = (stepper.t_old, stepper.t_new);
+                reader.load(&step, &[]);
+                for part in [0.0, 0.3, 0.9, 1.0] {
+                    let t = from + part * (to - from);
+                    let (mut own, mut read) = ([0.0; 2], [0.0; 2]);
+                    stepper.interpolate(&mut ode, t, &mut own).unwrap();
+                    reader.interpolate(&mut ode, t, &mut read).unwrap();
+                    assert_eq!(own, read, "{} at {t}", method.name);
+                }
+                reader.save_extra(&mut extra);
+                reader.load(&step, &extra);
+                let before = ode.0;
+                let mut again = [0.0; 2];
+                reader.interpolate(&mut ode, 0.5 * (from + to), &mut again).unwrap();
+                assert_eq!(ode.0 - before, if extra.is_empty() { method.dense.nodes.len() } else { 0 });
+                stepper.commit();
+            }
+        }
     }
 }

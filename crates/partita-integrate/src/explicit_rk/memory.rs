@@ -28,6 +28,16 @@ pub(super) const SLOTS: usize = 3 + MOST;
 /// Slot of the slope at the prediction, and of that at the end.
 const PREDICTED: usize = 1;
 const END: usize = 2;
+/// Slots that dense output combines: the slopes at the start and at the end, then those of earlier steps, the last one first.
+pub(super) const DENSE_SLOTS: [usize; MOST + 1] = {
+    let mut slots = [0; MOST + 1];
+    let mut i = 1;
+    while i <= MOST {
+        slots[i] = END + i - 1;
+        i += 1;
+    }
+    slots
+};
 /// Largest lengthening of a step of a multistep method. Unit: ratio of steps. Reason: Adams formulas on grids that grow
 /// faster lose their stability from order three on.
 pub(super) const LARGEST_GROWTH: f64 = 2.0;
@@ -179,6 +189,21 @@ impl Memory {
         stages.copy_within(..stride, first);
         self.known = (self.known + 1).min(MOST);
         self.order = self.order.min(self.known + 1);
+    }
+
+    /// Append what `fill_dense` reads; the number of slots that it combines, out of [`DENSE_SLOTS`].
+    pub(super) fn save(&self, out: &mut Vec<f64>) -> usize {
+        out.push(self.order as f64);
+        out.extend_from_slice(&self.nodes);
+        self.order + 1
+    }
+
+    /// Take back what was saved; the rest.
+    pub(super) fn load<'a>(&mut self, from: &'a [f64]) -> &'a [f64] {
+        let (own, rest) = from.split_at(1 + self.nodes.len());
+        self.order = own[0] as usize;
+        self.nodes.copy_from_slice(&own[1..]);
+        rest
     }
 
     /// The rows of dense output: the integral of the polynomial through the slopes that predicted and the one at the end.

@@ -44,7 +44,7 @@ impl March {
     }
 
     /// The output at t inside the step that was concluded; y is memory for a state.
-    fn output_at(
+    pub(super) fn output_at(
         &mut self,
         formulation: &mut dyn Formulation,
         t: f64,

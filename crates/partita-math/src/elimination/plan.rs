@@ -86,6 +86,11 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// Whether both eliminate and watch alike.
+    pub fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.layout, &other.layout) && self.references == other.references && self.guards == other.guards
+    }
+
     /// Chooses `rank` pivots of the matrix with the given pattern and values and records the elimination.
     ///
     /// Only rows and columns marked eligible are used; sizes are judged on `row_scale[i] · |c_ij| · col_scale[j]`,

@@ -7,6 +7,7 @@ use crate::error::{Result, SystemError};
 pub use crate::record::StepDecision;
 use crate::record::{Crossings, Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 pub use crate::singular::change_point::{Across, Pace};
+pub use crate::tangent::ChoiceSnapshot;
 use crate::watched::{Reading, Watched};
 
 /// Components of y.
@@ -185,8 +186,20 @@ fn sizes_of_coordinates<S: crate::ConstrainedSystem>(system: &S) -> Vec<f64> {
     out
 }
 
+/// States inside steps that were taken before, from their dense output.
+pub trait StepReplay {
+    /// Number of the choice in use and of what else states depend on besides (t, y); `None` where it cannot be restored.
+    fn choice_version(&self) -> Option<u64>;
+    /// The choice in use.
+    fn choice_snapshot(&self) -> Option<ChoiceSnapshot>;
+    /// Distances from a singular position at both ends of the step of the last `trial_end`.
+    fn step_margins(&self) -> [Option<f64>; 2];
+    /// The next evaluations lie inside a step with these distances; it was taken with this choice, or with the one in use.
+    fn replay(&mut self, choice: Option<&ChoiceSnapshot>, margins: [Option<f64>; 2]);
+}
+
 /// The system at the point last evaluated, for what watches an integration.
-pub trait Point {
+pub trait Point: StepReplay {
     /// What no step may pass unseen.
     fn watched(&self) -> Watched;
     /// All levels at (t, y).

@@ -42,7 +42,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             // entries of C are lever arms: the lengths that are added up in Φ
             let arm =
                 pattern.row(i).map(|e| self.c[e].abs() * self.displacement[pattern.col_idx[e]]).fold(0.0, f64::max);
-            self.noise[i] = self.noise[i].max(tolerance::ROUNDING * arm);
+            let noise = self.noise[i].max(tolerance::ROUNDING * arm);
+            self.version += u64::from(noise != self.noise[i]);
+            self.noise[i] = noise;
             let arm = self.noise[i] / tolerance::ROUNDING;
             self.row_size[i] = match self.system.structure().rows[i].displacement {
                 Some(displacement) => displacement.max(arm),
@@ -130,7 +132,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         Ok(())
     }
 
-    fn adopt(&mut self, plan: Plan, independent: &[usize]) {
+    pub(super) fn adopt(&mut self, plan: Plan, independent: &[usize]) {
+        self.version += 1;
         let system = self.system.clone();
         let pattern = system.pattern();
         // the rows in use are those not left out, once there are any

@@ -8,12 +8,14 @@ mod distance;
 mod quality;
 mod row_exchange;
 mod rows;
+mod snapshot;
 mod switches;
 mod watch;
 
 pub use crate::choice::Choice;
 pub use correction::DependentStep;
 pub use quality::quality_of;
+pub use snapshot::ReductionSnapshot;
 pub use watch::{is_round_off, largest, strength, velocity_residuals, Sides};
 
 use crate::clusters::Clusters;
@@ -138,6 +140,8 @@ pub struct Reduction<'s, S: ConstrainedSystem> {
     pub plans: u64,
     /// Choices of rows and independent velocities so far.
     choices: u64,
+    /// Plans and changes of the round-off of rows so far.
+    version: u64,
 }
 
 impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
@@ -246,6 +250,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
             factorisations: 0,
             plans: 0,
             choices: 0,
+            version: 0,
             system,
         }
     }

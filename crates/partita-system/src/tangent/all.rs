@@ -5,7 +5,7 @@
 //! (34), v always by (35), which keeps the momentum along the tangent. Prefer the reduced forms except for
 //! verification; prefer these where M is cheap to factor and a reference in all coordinates is needed.
 
-use super::{Base, TangentChoice, TangentClosing, TangentLevels};
+use super::{Base, TangentChoice, TangentClosing, TangentLevels, TangentReplay};
 use crate::equations::full::{AccelerationRule, Failure, Instant};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step, MassProjection};
@@ -268,6 +268,12 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
                 history.closure_error.1
             ));
         }
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentReplay<'s, S> for AllVelocities<'s, S> {
+    fn version(&self) -> Option<u64> {
+        Some(self.base.r.version())
     }
 }
 

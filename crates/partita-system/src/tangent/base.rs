@@ -2,11 +2,33 @@
 
 use crate::error::Result;
 use crate::record::{ChoiceLog, FormulationCounters, History, PartitionEvent};
-use crate::reduction::Reduction;
+use crate::reduction::{Reduction, ReductionSnapshot};
 use crate::system::ConstrainedSystem;
+use partita_math::dense::Matrix;
+use std::mem::size_of;
+use std::sync::Arc;
 
 /// Number of steps after which the scales are refreshed: they are only scales.
 pub(super) const PERIOD: u32 = 8;
+
+/// A choice with which steps were taken.
+#[derive(Clone, Debug)]
+pub struct ChoiceSnapshot {
+    /// Rows and coordinates.
+    pub reduction: ReductionSnapshot,
+    /// Where it is frozen: the basis S, S made orthonormal, and the factor between both.
+    pub(super) basis: Option<(Arc<Matrix>, Vec<f64>, Vec<f64>)>,
+}
+
+impl ChoiceSnapshot {
+    /// Memory that it takes, about.
+    pub fn bytes(&self) -> usize {
+        let of_basis = |(s, orthonormal, lower): &(Arc<Matrix>, Vec<f64>, Vec<f64>)| {
+            size_of::<f64>() * (s.data().len() + orthonormal.len() + lower.len())
+        };
+        self.reduction.bytes() + self.basis.as_ref().map_or(0, of_basis)
+    }
+}
 
 /// Levels, rows and choices of a tangent.
 pub struct Base<'s, S: ConstrainedSystem> {

@@ -6,7 +6,7 @@
 //! own. (Woernle 1988; Hiller, Kecskeméthy.)
 
 use super::base::PERIOD;
-use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
+use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels, TangentReplay};
 use crate::closing::Closing;
 use crate::error::Result;
 use crate::options::FormulationOptions;
@@ -263,6 +263,8 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Blocks<'s, S> {
         }
     }
 }
+
+impl<'s, S: ConstrainedSystem> TangentReplay<'s, S> for Blocks<'s, S> {}
 
 impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for Blocks<'s, S> {
     /// Closed by inverse kinematics: there is nothing to correct.

@@ -16,7 +16,7 @@
 
 use super::basis::Basis;
 use super::instant::quality_of_selector;
-use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
+use super::{Base, ChoiceSnapshot, Occasion, TangentChoice, TangentClosing, TangentLevels, TangentReplay};
 use crate::error::Result;
 use crate::manifold::orthogonal::{dense_rows, orthogonal_step};
 use crate::options::Renew;
@@ -415,6 +415,24 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
                 "{} times no new tangent basis was found (next to a singular position) and the old one was kept",
                 self.kept
             ));
+        }
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentReplay<'s, S> for Frozen<'s, S> {
+    fn version(&self) -> Option<u64> {
+        Some(self.base.r.version() + self.frozen)
+    }
+    fn snapshot(&self) -> ChoiceSnapshot {
+        let basis = Some((self.selector.clone(), self.orthonormal.clone(), self.lower.clone()));
+        ChoiceSnapshot { reduction: self.base.r.snapshot(), basis }
+    }
+    fn restore(&mut self, from: &ChoiceSnapshot) {
+        self.base.r.restore(&from.reduction);
+        if let Some((selector, orthonormal, lower)) = &from.basis {
+            self.selector = selector.clone();
+            self.orthonormal.copy_from_slice(orthonormal);
+            self.lower.copy_from_slice(lower);
         }
     }
 }

@@ -10,7 +10,7 @@ pub mod instant;
 pub mod partition;
 pub mod user;
 
-pub use base::Base;
+pub use base::{Base, ChoiceSnapshot};
 
 use crate::error::Result;
 use crate::record::{Correction, History, Output, PartitionEvent, Sample, StepDecision};
@@ -142,6 +142,22 @@ pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
     fn report(&self, history: &mut History);
 }
 
+/// Choices that are taken again, to evaluate steps that were taken with them.
+pub trait TangentReplay<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
+    /// Number of the choice in use and of what else evaluations depend on; `None` where it cannot be restored.
+    fn version(&self) -> Option<u64> {
+        None
+    }
+    /// The choice in use.
+    fn snapshot(&self) -> ChoiceSnapshot {
+        ChoiceSnapshot { reduction: self.seen().snapshot(), basis: None }
+    }
+    /// Take this choice.
+    fn restore(&mut self, from: &ChoiceSnapshot) {
+        self.reduction().restore(&from.reduction);
+    }
+}
+
 /// Treatment of closure errors at the end of a step, and the distance from a singular position.
 pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
     /// The displacement of one correction at the position last evaluated, in velocities, for "kantorovich" with the
@@ -174,11 +190,11 @@ pub trait TangentClosing<'s, S: ConstrainedSystem + 's> {
 
 /// A tangent basis in use: all of it.
 pub trait Tangent<'s, S: ConstrainedSystem + 's>:
-    TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S>
+    TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S> + TangentReplay<'s, S>
 {
 }
 
 impl<'s, S: ConstrainedSystem + 's, T> Tangent<'s, S> for T where
-    T: TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S>
+    T: TangentLevels<'s, S> + TangentChoice<'s, S> + TangentClosing<'s, S> + TangentReplay<'s, S>
 {
 }

@@ -5,7 +5,7 @@
 
 use super::base::PERIOD;
 use super::chooser::{Change, Chooser};
-use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels};
+use super::{Base, Occasion, TangentChoice, TangentClosing, TangentLevels, TangentReplay};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::FormulationOptions;
@@ -216,6 +216,12 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
     }
     fn report(&self, history: &mut History) {
         history.notes.extend(self.chooser.iter().flat_map(Chooser::notes));
+    }
+}
+
+impl<'s, S: ConstrainedSystem> TangentReplay<'s, S> for Chosen<'s, S> {
+    fn version(&self) -> Option<u64> {
+        Some(self.base.r.version())
     }
 }
 

@@ -11,7 +11,7 @@
 //! may depend.
 
 use super::instant::{quality_of_exact, quality_of_tangent};
-use super::{Base, TangentChoice, TangentClosing, TangentLevels};
+use super::{Base, TangentChoice, TangentClosing, TangentLevels, TangentReplay};
 use crate::error::Result;
 use crate::manifold::orthogonal::orthogonal_step;
 use crate::options::TangentMap;
@@ -324,6 +324,8 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for MappedTangent<'s, S> {
         }
     }
 }
+
+impl<'s, S: ConstrainedSystem> TangentReplay<'s, S> for MappedTangent<'s, S> {}
 
 impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for MappedTangent<'s, S> {
     /// Always by the least displacement: there are no coordinates that could be left unchanged.

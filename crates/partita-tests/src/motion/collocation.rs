@@ -9,7 +9,7 @@ use partita_integrate::method::{self, Method};
 use partita_integrate::ode::{Ode, RhsError};
 use partita_integrate::options::{AbsoluteTolerance, Options, OptionsError};
 use partita_integrate::simulate::{simulate, Outcome, Settings, Status};
-use partita_integrate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, Stepper};
+use partita_integrate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, StepStorage, Stepper};
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
 use partita_system::kinematics::velocity;
@@ -195,6 +195,8 @@ impl StepControl for Collocation {
         self.counters.rejected += 1;
     }
 }
+
+impl StepStorage for Collocation {}
 
 impl<E: Display> Stepper<E> for Collocation {
     fn start(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, y: &[f64], t_end: f64) -> Result<(), StepFailure<E>> {

@@ -351,6 +351,14 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         [self.monitor.margin_before, self.margin].map(|m| m.map(|m| m.0))
     }
 
+    /// The next evaluations lie inside a step with these distances at its ends.
+    pub(super) fn replay_between(&mut self, margins: [Option<f64>; 2]) {
+        let [before, after] = margins.map(|distance| distance.map(|distance| (distance, 0)));
+        (self.monitor.margin_before, self.margin) = (before, after);
+        self.standing = Standing::Elsewhere;
+        self.monitor.next = Course::Along;
+    }
+
     /// What lost rank in the step that was judged, in which C_D changed sides?
     fn loss(&self) -> Loss {
         let (one, two) = (&self.monitor.step_start, &self.monitor.step_end);

@@ -3,7 +3,7 @@
 use super::crossing::Shown;
 use super::{Motion, Standing};
 use crate::error::Result;
-use crate::formulation::{Point as _, Repeated, Step, StepDecision, TrialEnd};
+use crate::formulation::{ChoiceSnapshot, Point as _, Repeated, Step, StepDecision, StepReplay, TrialEnd};
 use crate::positions::Positions;
 use crate::record::Gap;
 use crate::system::{ConstrainedSystem, SystemError};
@@ -184,5 +184,24 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.tangent.reduction().v.copy_from_slice(&self.v);
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         Ok(true)
+    }
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> StepReplay for Motion<'s, S, T, P> {
+    fn choice_version(&self) -> Option<u64> {
+        // coordinates that are solved for also depend on the position last found
+        self.tangent.version().filter(|_| self.positions.has_all())
+    }
+    fn choice_snapshot(&self) -> Option<ChoiceSnapshot> {
+        self.choice_version().map(|_| self.tangent.snapshot())
+    }
+    fn step_margins(&self) -> [Option<f64>; 2] {
+        self.margins()
+    }
+    fn replay(&mut self, choice: Option<&ChoiceSnapshot>, margins: [Option<f64>; 2]) {
+        if let Some(choice) = choice {
+            self.tangent.restore(choice);
+        }
+        self.replay_between(margins);
     }
 }
