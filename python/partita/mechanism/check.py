@@ -126,7 +126,7 @@ def _moved(self: Modelled) -> list[str]:
     except PartitaError:  # which is reported beside
         return []
     names = [body["name"] for body in model.summary["bodies"]]
-    at = model.core.bodies(np.array([start.t]), start.q[None], start.v[None], list(range(len(names))))
+    at = model.core.motion(np.array([start.t]), start.q[None], start.v[None]).bodies()
     position = np.asarray(at["body_position"]).reshape(-1, 3)
     rotation = np.asarray(at["body_rotation"]).reshape(-1, 3, 3)
     own = {name: (body, body.to_world(body.com)) for name, body in d.bodies.items()}

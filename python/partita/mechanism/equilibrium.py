@@ -279,9 +279,7 @@ def _lengths(model: CompiledModel, start: State) -> list[float]:
         return along.get("of", "joint") == "joint" and units[along.get("coordinate", 0) :][:1] == ["m"]
 
     found: list[float] = []
-    bodies = model.core.bodies(
-        np.array([start.t]), start.q[None], start.v[None], list(range(len(model.summary["bodies"])))
-    )
+    bodies = model.core.motion(np.array([start.t]), start.q[None], start.v[None]).bodies()
     poses = {
         body["name"]: (bodies["body_position"][0, i], bodies["body_rotation"][0, i])
         for i, body in enumerate(model.summary["bodies"])

@@ -201,7 +201,7 @@ def _axes(grid: Any, model: CompiledModel, start: State) -> list[Axis]:
 def _plane(key: Any, goals: list[Goal], model: CompiledModel, start: State) -> int:
     """The component of the orientation of a body that varies in a planar mechanism."""
     nv = model.core.nv
-    turns = model.core.bodies(np.full(nv, start.t), np.tile(start.q, (nv, 1)), np.eye(nv), [goals[0][2]])
+    turns = model.core.motion(np.full(nv, start.t), np.tile(start.q, (nv, 1)), np.eye(nv)).bodies([goals[0][2]])
     moves = np.abs(turns["body_angular_velocity"][:, 0]).max(axis=0)
     moving = np.flatnonzero(moves > 1e-9 * max(float(moves.max()), 1e-300))
     if len(moving) != 1:

@@ -186,8 +186,8 @@ def _closed(self: Modelled, model: CompiledModel, state: State) -> Still:
 
     summary = model.summary
     t, q, v = np.array([state.t]), state.q[None], state.v[None]
-    bodies = model.core.bodies(t, q, v, list(range(len(summary["bodies"]))))
-    joints = model.core.joints(t, q, v, list(range(len(summary["joints"]))))
+    bodies = model.core.motion(t, q, v).bodies()
+    joints = model.core.motion(t, q, v).joints()
     position = np.asarray(bodies["body_position"]).reshape(1, -1, 3)
     rotation = np.asarray(bodies["body_rotation"]).reshape(1, -1, 3, 3)
     point = np.asarray(joints["joint_point"]).reshape(1, -1, 3)

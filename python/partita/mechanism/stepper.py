@@ -122,7 +122,7 @@ class Stepper:
         joints = [joint["name"] for joint in self._model.summary["joints"]]
         j = index_of(str(name), joints, "joint")
         now = self.state
-        found = self._model.core.joints(np.array([now.t]), now.q[None], now.v[None], [j])
+        found = self._model.core.motion(np.array([now.t]), now.q[None], now.v[None]).joints([j])
         return JointMotion(_part(found["joint_position"][0]), _part(found["joint_velocity"][0]))
 
     def sensor(self, name: Any) -> Any:
@@ -226,7 +226,7 @@ class Stepper:
     def _poses(self) -> Poses:
         now = self.state
         count = len(self._model.summary["bodies"])
-        found = self._model.core.bodies(np.array([now.t]), now.q[None], now.v[None], list(range(count)))
+        found = self._model.core.motion(np.array([now.t]), now.q[None], now.v[None]).bodies()
         return Poses(now.t, *(found[key].reshape(count, *size) for key, size in _PLACES.items()))
 
     def result(self) -> Result:
