@@ -208,6 +208,7 @@ def linearize(
         steady=found["steady"],
         conservative=found["conservative"],
         method="exact" if found["exact"] else "differences",
+        _accelerates=found["accelerates"],
         _found=found["modes"],
         _shapes=ModelShapes(model, start),
         _again=again,
