@@ -148,11 +148,12 @@ def named_values(tree: ast.Module) -> Iterator[tuple[str, ast.expr, str]]:
     for item, below in zip(tree.body, [*tree.body[1:], None], strict=True):
         words = below.value if isinstance(below, ast.Expr) else None
         comment = words.value if isinstance(words, ast.Constant) and isinstance(words.value, str) else ""
-        targets = item.targets if isinstance(item, ast.Assign) else [item.target] if isinstance(item, ast.AnnAssign) else []
-        names = [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
-        for name in names:
-            if name.isupper() and item.value is not None:  # type: ignore[union-attr]
-                yield name, item.value, " ".join(comment.split())  # type: ignore[union-attr]
+        if not isinstance(item, ast.Assign | ast.AnnAssign) or item.value is None:
+            continue
+        for target in item.targets if isinstance(item, ast.Assign) else [item.target]:
+            for name in ast.walk(target):
+                if isinstance(name, ast.Name):
+                    yield name.id, item.value, " ".join(comment.split())
 
 
 def floats_in(node: ast.AST) -> list[float]:
@@ -205,15 +206,17 @@ def compared_names(trees: Iterable[ast.Module]) -> set[str]:
 
 @cache
 def of_package() -> tuple[Constant, ...]:
-    """Thresholds of the package: constants of floating-point numbers that are compared, or very small; then those of its
-    scripts."""
+    """Thresholds of the package: constants of floating-point numbers that are compared, or very small; then those of
+    its scripts."""
     trees = list(modules())
     compared = compared_names(tree for _, tree in trees)
     found = [
         Constant(name, ast.unparse(value), comment, f"py/{where}", "")
         for where, tree in trees
         for name, value, comment in named_values(tree)
-        if (numbers := floats_in(value)) and not any(isinstance(x, ast.Dict | ast.DictComp) for x in ast.walk(value))
+        if name.isupper()
+        and (numbers := floats_in(value))
+        and not any(isinstance(x, ast.Dict | ast.DictComp | ast.List | ast.Tuple) for x in ast.walk(value))
         and (name in compared or any(0.0 < abs(x) <= SMALL_NUMBER for x in numbers))
     ]
     return (*found, *(constant for where, text in scripts() for constant in of_script(where, text)))

@@ -20,6 +20,7 @@ from ..results.motion import Motion
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..state import Layout, State
+from ..tolerance import NEGLIGIBLE
 from .still import place
 
 if TYPE_CHECKING:
@@ -30,10 +31,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 Goal = tuple[str, str, int, int, tuple[float, ...]]
-
-NO_RATE = 1e-9
-"""Ratios below this are zero. Scale: fraction of the largest ratio of the joint, or of one. Reason: far above rounding;
-the position in which they vanish is located from its neighbours."""
 
 
 class KinematicSource(ModelSource):
@@ -362,7 +359,7 @@ class Kinematics(Motion):
         rates, step = np.stack(alone, axis=1), np.diff(study.values, axis=0)
         before, after = np.sum(rates[:-1] * step, axis=1), np.sum(rates[1:] * step, axis=1)
         size = np.abs(np.concatenate([before, after, step.ravel()]))
-        zero = NO_RATE * np.max(size[np.isfinite(size)], initial=0.0)
+        zero = NEGLIGIBLE * np.max(size[np.isfinite(size)], initial=0.0)
         with np.errstate(invalid="ignore"):
             turns = (np.abs(before) > zero) & (np.abs(after) > zero) & (before * after < 0.0)
             still = np.append(np.abs(before), np.abs(after[-1])) <= zero

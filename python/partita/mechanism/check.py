@@ -112,7 +112,8 @@ world it would lie on it: if that is meant, give m.bodies["rod"].world((3, 0, 0)
 
 
 MOVED = 0.5
-"""A start farther from the drawing than this fraction of its size is probably not meant."""
+"""A start farther from the drawing is probably not meant. Scale: fraction of the size of the drawing. Reason: half of
+it is another position."""
 
 
 def _moved(self: Modelled) -> list[str]:

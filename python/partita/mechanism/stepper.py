@@ -17,6 +17,7 @@ from ..numeric import floats, real, shown
 from ..results import Result
 from ..sensing import Reader, StateSignals, at_once, plain
 from ..state import Layout, State
+from ..tolerance import ATOL, RTOL
 from ..units import Quantity
 from ..viewer.live import LiveView, Poses
 from .inputs import Courses, Input, chosen, inputs_of
@@ -361,8 +362,8 @@ def stepper(
         method=method,
         switch_threshold=switch_threshold,
         step=step,
-        rtol=1e-8,
-        atol=1e-10,
+        rtol=RTOL,
+        atol=ATOL,
         compiled=compiled,
     )
     given = chosen(inputs_of(self._description), inputs)

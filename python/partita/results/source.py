@@ -99,9 +99,9 @@ class Source(Protocol):
 
 
 class ModelSource:
-    """Has the core compute one body, joint or reaction of the `motion` that it keeps, on first use and at all outputs at
-    once, and stores the result. The cost is that of the part on which it depends: the links down to the ground, the
-    connected bodies."""
+    """Has the core compute one body, joint or reaction of the `motion` that it keeps, on first use and at all outputs,
+    and stores the result. The cost is that of the part on which it depends: the links down to the ground, the connected
+    bodies."""
 
     has_model = True
 
