@@ -6,7 +6,7 @@ which is compared with nothing (the length of a step, a factor, a damping, a coe
 "Unit:", "Reason:". What several modules share stands in `partita-math/src/tolerance.rs`.
 
 Thresholds of the package have the same three parts, in the string below them (Python) or in the comment above them
-(JavaScript); shared ones stand in `partita/tolerance.py` and `viewer/tolerance.js`. There constants that are compared
+(JavaScript); shared ones stand in `partita/tolerance.py` and `.js`. There constants that are compared
 with nothing, such as the width of a figure, are no thresholds and need no parts. Entries of the catalogue are examples,
 with the accuracy of each beside its value.
 """
@@ -26,7 +26,6 @@ CRATES = ROOT / "crates"
 SHARED = "math/tolerance"
 FLOORS = ("math", "system", "integrate", "model", "analysis", "fmu")
 PACKAGE = ROOT / "python" / "partita"
-SHARED_OF = {"py": "tolerance", "js": "viewer/tolerance"}
 LANGUAGES = {"py": "Python", "js": "JavaScript"}
 SMALL_NUMBER, LARGE_NUMBER = 1e-3, 1e9
 """Numbers beyond these are thresholds or guards wherever they stand."""
@@ -229,7 +228,7 @@ def of_script(where: str, text: str) -> Iterator[Constant]:
     """The thresholds of one script: constants that contain a small number."""
     for match in SCRIPT_CONSTANT.finditer(text):
         comment, name, value = match.groups()
-        if nameless_in_script(f"f({value});"):
+        if value[0] not in "[{" and nameless_in_script(f"f({value});"):
             words = " ".join(line.strip().removeprefix("//").strip() for line in comment.splitlines())
             yield Constant(name, " ".join(value.split()), words, f"js/{where}", "")
 
@@ -249,7 +248,10 @@ def page() -> str:
     settings = [c for c in constants() if c.is_setting]
     shared = [c for c in thresholds if c.where == SHARED]
     own = len(thresholds) - len(shared)
-    count = f"{len(shared)} thresholds are shared, {own} belong to one algorithm; {len(settings)} are settings."
+    count = (
+        f"{len(shared)} thresholds are shared, {own} belong to one algorithm; {len(settings)} are settings. The package "
+        f"in Python, with its pages, has {len(of_package())} more."
+    )
     lines = [count, "", "## Shared thresholds"]
     for group in dict.fromkeys(c.group for c in shared):
         lines += ["", f"### {group[0].upper()}{group[1:]}", "", *table([c for c in shared if c.group == group])]
@@ -260,6 +262,13 @@ def page() -> str:
     lines += ["", "## Settings"]
     for floor, found in by_floor(settings):
         lines += ["", f"### Settings of `partita-{floor}`", "", *table(found, "unit")]
+    for language, word in LANGUAGES.items():
+        own_of = [c for c in of_package() if c.where.startswith(f"{language}/")]
+        first = [c for c in own_of if c.where == f"{language}/tolerance"]
+        lines += ["", f"## Thresholds in {word}", "", *table(first)]
+        for where in dict.fromkeys(c.where for c in own_of if c not in first):
+            name = f"{where.partition('/')[2]}.{language}"
+            lines += ["", f"### `{name}`", "", *table([c for c in own_of if c.where == where])]
     return "\n".join([*lines, ""])
 
 

@@ -245,9 +245,8 @@ class _Writer:
         if axis is not None:
             lines.append(f'    <axis xyz="{words(axis)}"/>')
         if kind == "prismatic":
-            lines.append(
-                f'    <limit lower="{-UNLIMITED:g}" upper="{UNLIMITED:g}" effort="{UNLIMITED:g}" velocity="{UNLIMITED:g}"/>'
-            )
+            far = f"{UNLIMITED:g}"
+            lines.append(f'    <limit lower="-{far}" upper="{far}" effort="{far}" velocity="{far}"/>')
         found = list(found)
         damping = sum(record.damping for record in found)
         if damping > 0.0:
