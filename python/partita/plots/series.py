@@ -103,7 +103,7 @@ def draw_closure(result: ResultView, ax: Axes) -> None:
         empty(ax, "no constraints: nothing to close")
         return
     ax.set_yscale("log")
-    size = min(1.0, scales(result).get("m", 1.0))  # |Φ| of a small mechanism is that of its lengths
+    size = 10.0 ** np.floor(np.log10(scales(result).get("m", 1.0)))  # |Φ| is rounding of lengths
     # Round-off jumps from output to output: dots, since lines between them would have no meaning.
     for values, colour, label in (
         (result.closure, COLOURS[0], "|Φ| [m, rad]"),

@@ -99,7 +99,7 @@ class _Artist:
                 made = Turn(*ends, np.array(joint["point"], dtype=float), axis / np.linalg.norm(axis))
                 (self.turns if joint["kind"] == "revolute" else self.slides)[joint["name"]] = made
         self.found = Pictures()
-        self.pulleys: dict[tuple[int, tuple[float, ...]], float] = {}
+        self.pulleys: dict[tuple[int, ...], float] = {}
 
     def draw(self) -> Pictures:
         for coupling in self.spec.get("couplings", ()):
