@@ -14,6 +14,7 @@ import partita as pt
 from partita.mechanism.playground import recorded
 from partita.playground.page import COMPUTES, text
 from partita.state import State
+from partita.webpage import part_of
 
 AIM = 8e-3
 """Seconds of a frame: half of a sixtieth of a second, the rest is for drawing."""
@@ -74,7 +75,7 @@ def frame_costs() -> dict[str, Frame]:
     found = {}
     for title, (mechanism, initial, speed) in mechanisms().items():
         made = recorded(mechanism, initial)
-        scripts = "\n".join(text(name) for name in COMPUTES)
+        scripts = "\n".join((part_of("partita", "tolerance.js"), *map(text, COMPUTES)))
         given = {
             "about": made.about,
             "module": base64.b64encode(made.module).decode("ascii"),

@@ -320,58 +320,74 @@ class Model:
     ) -> list[float]:
         """Seconds of one evaluation for each of the options, at the states (t, q, v), a row each."""
 
-    def bodies(self, t: Array, q: Array, v: Array, which: list[int]) -> dict[str, Array]:
-        """Poses and twists of the bodies `which` at nt samples."""
-
-    def joints(self, t: Array, q: Array, v: Array, which: list[int]) -> dict[str, Array]:
-        """Coordinates, velocities and points of the joints `which` at nt samples."""
-
-    def joint_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> Array:
-        """Accelerations of the degrees of freedom of the joints `which` (nt, dof), in the order of their velocities."""
-
-    def body_accelerations(self, t: Array, q: Array, v: Array, vdot: Array, which: list[int]) -> dict[str, Array]:
-        """Accelerations of the origins of the bodies `which` and of their turning at nt samples, world axes."""
-
-    def load(self, t: Array, q: Array, v: Array, number: int) -> dict[str, Array]:
-        """Power, potential and effort (NaN: none) of an applied force of the description at nt samples, (nt,) each, and
-        `point`, `force`, `moment` (nt, bodies, 3) of what it does to each body, world axes."""
-
-    def energies(self, t: Array, q: Array, v: Array) -> dict[str, Array]:
-        """Kinetic and potential energy at nt samples."""
-
-    def reaction(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array, joint: int) -> dict[str, Array]:
-        """Wrench of one joint at nt samples."""
-
-    def checks(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
-        """Acceleration closure with its row, worst row of the closure, rank and margin of nt samples, (nt,) each."""
-
-    def shares_loads(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> bool:
-        """Is part of the reactions of nt samples a matter of a rule, for which all joints are asked?"""
-
-    def reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> dict[str, Array]:
-        """Joint wrenches of nt samples."""
-
-    def augmented_reactions(self, t: Array, q: Array, v: Array, vdot: Array, multipliers: Array) -> tuple[Array, Array]:
-        """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
-
-    def determined(self, t: Array, q: Array, v: Array) -> list[NDArray[np.bool_]]:
-        """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone; the same of
-        the efforts of drives along the degrees of freedom of all joints (nt, dof), and of the multipliers of all
-        conditions but the loop closures (nt, conditions)."""
-
-    def self_stress_basis(self, t: float, q: Array) -> tuple[Array, Array, float]:
-        """Orthonormal self-stresses: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives), and what
-        moments are divided by."""
-
-    def self_stresses(self, t: Array, q: Array, v: Array, joint: int) -> Array:
-        """(nt, 2, 3, 3): directions (rows) in which self-stresses load a joint by forces and by moments; a component
-        along a unit axis is determined where no product with them exceeds 1."""
+    def motion(
+        self, t: Array, q: Array, v: Array, vdot: Array | None = None, multipliers: Array | None = None
+    ) -> Motion:
+        """A motion through these states, a row each."""
 
     def suspicious(self) -> list[str]:
         """Data that are possible and unlikely, in sentences."""
 
     def report(self, t: float, q: Array) -> str:
         """JSON for `Mechanism.report`."""
+
+class Motion:
+    """States of a mechanism at nt outputs, kept in the core with what acts there: those of a run, or given ones."""
+
+    @property
+    def t(self) -> Array:
+        """(nt,)."""
+
+    @property
+    def multipliers(self) -> Array:
+        """(nt, rows)."""
+
+    def bodies(self, which: list[int] | None = None) -> dict[str, Array]:
+        """Poses and twists of the bodies `which`; None: of all."""
+
+    def joints(self, which: list[int] | None = None) -> dict[str, Array]:
+        """Coordinates, velocities and points of the joints `which`; None: of all."""
+
+    def joint_accelerations(self, which: list[int] | None = None) -> Array:
+        """Accelerations of the degrees of freedom of the joints `which` (nt, dof), in the order of their velocities."""
+
+    def body_accelerations(self, which: list[int]) -> dict[str, Array]:
+        """Accelerations of the origins of the bodies `which` and of their turning, world axes."""
+
+    def load(self, number: int) -> dict[str, Array]:
+        """Power, potential and effort (NaN: none) of an applied force of the description, (nt,) each, and `point`,
+        `force`, `moment` (nt, bodies, 3) of what it does to each body, world axes."""
+
+    def energies(self) -> dict[str, Array]:
+        """Kinetic and potential energy."""
+
+    def reaction(self, joint: int) -> dict[str, Array]:
+        """Wrench of one joint."""
+
+    def shares_loads(self) -> bool:
+        """Is part of the reactions a matter of a rule, for which all joints are asked?"""
+
+    def reactions(self, which: list[int] | None = None) -> dict[str, Array]:
+        """Joint wrenches at the outputs `which`; None: at all."""
+
+    def augmented_reactions(self) -> dict[str, Array]:
+        """Force and moment (nt, nj, 3) of all joints, by augmented joint coordinates."""
+
+    def checks(self) -> dict[str, Array]:
+        """Acceleration closure with its row, worst row of the closure, rank and margin, (nt,) each."""
+
+    def determined(self) -> list[NDArray[np.bool_]]:
+        """(nt, nj, 6) in world and in joint axes: which of fx fy fz mx my mz follow from the motion alone; the same of
+        the efforts of drives along the degrees of freedom of all joints (nt, dof), and of the multipliers of all
+        conditions but the loop closures (nt, conditions)."""
+
+    def self_stresses(self, joint: int) -> Array:
+        """(nt, 2, 3, 3): directions (rows) in which self-stresses load a joint by forces and by moments; a component
+        along a unit axis is determined where no product with them exceeds 1."""
+
+    def self_stress_basis(self, i: int) -> tuple[Array, Array, float]:
+        """Orthonormal self-stresses at output i: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives),
+        and what moments are divided by."""
 
 class SolutionLog:
     """What a run keeps of itself."""

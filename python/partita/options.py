@@ -20,6 +20,7 @@ from .progress import reporting
 from .solver import Solver
 from .solver import checked as checked_solver
 from .tangent import TangentVelocities
+from .tolerance import LONG_ROUNDING
 from .units import Quantity
 from .units.door import SI, QuantityError, in_si
 
@@ -45,8 +46,6 @@ SERIALS = ("stated", "auto")
 RESOLVED = 16
 """A run whose time, divided by this, is lost beside its start has no times of its own."""
 OUTPUTS = 201
-# Output times beyond the end of the run by the rounding of np.arange are moved onto it.
-_SLACK = 1e-12
 
 
 class Core(Protocol):
@@ -209,7 +208,7 @@ def output_times(t_eval: ArrayLike | None, t0: float, t_end: float) -> Array:
             f"t_eval must increase, but {times[row]:g} is followed by {times[row + 1]:g}; sort it",
             argument="t_eval",
         )
-    slack = _SLACK * max(abs(t0), abs(t_end))
+    slack = LONG_ROUNDING * max(abs(t0), abs(t_end))
     if times[0] < t0 - slack or times[-1] > t_end + slack:
         raise ArgumentError(
             f"t_eval goes from {times[0]:.12g} to {times[-1]:.12g} s, outside the run from {t0:.12g} to "

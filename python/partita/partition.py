@@ -25,8 +25,9 @@ Array = NDArray[np.float64]
 SELECTIONS = tuple(rule for rule in _core.SELECTIONS if rule != "persistence")
 # Those that compare the measure, in scales that can be chosen.
 _MEASURING = ("collective", "greedy", "normalised-determinant", "individual")
-# Entries of a mass matrix computed in two ways agree to round-off; a larger difference is an error in the formulas.
 _SYMMETRY = 1e-10
+"""A mass matrix that is less symmetric is wrong. Scale: fraction of its largest entry. Reason: entries computed in
+two ways agree to rounding; a larger difference is an error in the formulas."""
 
 
 @dataclass(frozen=True, eq=False)

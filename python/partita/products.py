@@ -26,9 +26,14 @@ def matmul(a: ArrayLike, b: ArrayLike) -> Any:
     return total
 
 
+SQUARED = 1e140
+"""Numbers beyond this, and below its reciprocal, are scaled before they are squared. Scale: unit of the numbers.
+Reason: sums of a thousand squares stay finite."""
+
+
 def norm(x: ArrayLike) -> float:
     """Length of a vector; no overflow, as of `np.linalg.norm` there may be."""
-    return math.sqrt(_squares(x)) if 1e-140 < (largest := _largest(x)) < 1e140 else _scaled(x, largest)
+    return math.sqrt(_squares(x)) if 1.0 / SQUARED < (largest := _largest(x)) < SQUARED else _scaled(x, largest)
 
 
 def _squares(x: ArrayLike) -> float:
@@ -74,13 +79,15 @@ def nearest_rotation(m: ArrayLike) -> FloatArray:
         return r
     for _ in range(_ITERATIONS):
         following = 0.5 * (r + inverse(r).T)
-        if np.abs(following - r).max() <= _ROUNDING:
+        if np.abs(following - r).max() <= _LAST_CHANGE:
             return following
         r = following
     return r
 
 
-_ITERATIONS, _ROUNDING = 20, 1e-15
+_ITERATIONS = 20
+_LAST_CHANGE = 1e-15
+"""A change below this ends the iteration of a rotation. Scale: 1. Reason: some units in the last place."""
 
 
 def inverse_pose(m: ArrayLike) -> FloatArray:
@@ -117,4 +124,7 @@ def principal(m: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return np.array(values)[order], np.array(axes)[:, order]
 
 
-_PAIRS, _SWEEPS, _NOTHING = ((0, 1), (0, 2), (1, 2)), 30, 1e-17
+_PAIRS, _SWEEPS = ((0, 1), (0, 2), (1, 2)), 30
+_NOTHING = 1e-17
+"""Entries beside the diagonal below this are zero. Scale: fraction of the geometric mean of the diagonal ones.
+Reason: a tenth of a unit in the last place."""

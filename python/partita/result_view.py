@@ -13,6 +13,7 @@ from .errors import ArgumentError, FileFormatError
 from .files import malformed
 from .naming import Names, coordinate_units, joint_units
 from .numeric import shown
+from .tolerance import NEGLIGIBLE
 
 FloatArray = NDArray[np.float64]
 
@@ -29,8 +30,12 @@ def given(result: MotionView) -> bool:
     return result.v.size > 0 and len(result.v) > 1 and bool(np.isnan(np.asarray(result.vdot, dtype=float)).all())
 
 
+AS_FAR = 0.8
+"""Of rotations that are longer than this the first is named: a crank before its rods. Scale: fraction of the longest
+step. Reason: rods that follow a crank turn as far."""
 FEW = np.pi / 3.0
-"""With six or fewer outputs per turn the motion between them is unknown: no line joins them."""
+"""With longer steps the motion between outputs is unknown, and no line joins them. Scale: rad from output to output.
+Reason: six outputs for a turn."""
 
 
 def turn_between_outputs(result: ResultView) -> tuple[str, float]:
@@ -51,7 +56,7 @@ def turn_between_outputs(result: ResultView) -> tuple[str, float]:
     if not names:
         return "", 0.0
     steps = np.nan_to_num(steps)
-    most = int(np.argmax(steps >= 0.8 * steps.max()))  # of equal rotations the first: a crank before its rods
+    most = int(np.argmax(steps >= AS_FAR * steps.max()))  # of equal rotations the first: a crank before its rods
     return names[most], float(steps[most])
 
 
@@ -62,11 +67,6 @@ def _spins(result: ResultView) -> Iterator[tuple[str, FloatArray]]:
             start = joint["state_v"][0]
             turning = [start + i for i, unit in enumerate(joint_units(joint)[1]) if unit == "rad"]
             yield str(joint["name"]), np.linalg.norm(np.asarray(result.v)[:, turning], axis=1)
-
-
-NEGLIGIBLE = 1e-9
-"""A value below this fraction of the scale of its unit in a run (`scales`) is round-off: figures and pages draw it as
-zero. `NEGLIGIBLE` in data.js is the same."""
 
 
 LOAD_UNITS = {"force": "N", "moment": "N m"}

@@ -78,7 +78,7 @@ class Layout:
         numbers = {joint["name"]: i for i, joint in enumerate(summary["joints"])}
 
         def read(joint: str, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-            found = core.joints(np.array([t]), q[None], v[None], [numbers[joint]])
+            found = core.motion(np.array([t]), q[None], v[None]).joints([numbers[joint]])
             return found["joint_position"][0], found["joint_velocity"][0]
 
         found = Layout()

@@ -17,6 +17,7 @@ from .extras import check_not_ending
 from .numeric import floats, is_list, shown
 from .solver import Solver
 from .state import Layout, State
+from .tolerance import EQUAL
 from .units import Quantity
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Function = Callable[..., Any]
-_SYMMETRY = 1e-9
 
 
 class System(Equations):
@@ -403,7 +403,7 @@ def _all_finite(what: str, array: Array, t: float) -> Array:
 def _symmetric(mass: Array, t: float) -> None:
     if mass.ndim == 2 and mass.shape[0] == mass.shape[1]:
         skew = float(np.max(np.abs(mass - mass.T)))
-        if skew > _SYMMETRY * float(np.max(np.abs(mass))):
+        if skew > EQUAL * float(np.max(np.abs(mass))):
             raise _evaluation(
                 "mass",
                 t,

@@ -61,7 +61,8 @@ def whole_page(
         parts.append(_element("application/wasm", "module", module))
     # a module is compiled while the page loads, and awaited
     start = "(function () {" if module is None else "(async function () {"
-    lines = [*(part_of(other, name) for name in shared), *(part_of(package, name) for name in scripts)]
+    files = [("partita", "tolerance.js"), *((other, name) for name in shared), *((package, name) for name in scripts)]
+    lines = [part_of(*file) for file in files]
     parts += ["<script>", start, '"use strict";', *lines, "}());", "</script>"]
     return "\n".join([*parts, "</body>", "</html>", ""])
 

@@ -72,17 +72,17 @@ def test_ratios_jacobians_and_gravity_are_derivatives(chosen: str) -> None:
     along = {"gas.x": "D"}.get(chosen, chosen)
 
     def course(joint: str) -> Any:
-        return model.core.joints(t, q, still, ["ABCD".index(joint)])["joint_position"][:, 0]
+        return model.core.motion(t, q, still).joints(["ABCD".index(joint)])["joint_position"][:, 0]
 
     step = course(along)[2] - course(along)[0]
     for joint in "ABCD":
         ratio = (course(joint)[2] - course(joint)[0]) / step
         assert a.ratio(joint)[0] == pytest.approx(ratio, rel=1e-7, abs=1e-7)
-    rod = model.core.bodies(t, q, still, [1])
+    rod = model.core.motion(t, q, still).bodies([1])
     point = rod["body_position"][:, 0] + rod["body_rotation"][:, 0] @ np.array([0.02, 0.01, 0.0])
     found = a.jacobian(("rod", (0.02, 0.01, 0.0)))
     assert np.abs(found[:3, 0] - (point[2] - point[0]) / step).max() < 1e-6
-    weight = model.core.energies(t, q, still)["potential"]
+    weight = model.core.motion(t, q, still).energies()["potential"]
     assert a.gravity[0] == pytest.approx((weight[2] - weight[0]) / step, rel=1e-6)
     assert np.abs(a.at(at[2]).M - model.actuated(at[2], [chosen]).M).max() < 1e-12
 

@@ -55,7 +55,7 @@ def test_a_truss_snaps_through_at_its_closed_form(coordinates):
     core = m.compile(coordinates).core
 
     def height(state: pt.State) -> float:
-        return float(core.bodies(np.zeros(1), state.q[None], state.v[None], [0])["body_position"][0, 0, 1])
+        return float(core.motion(np.zeros(1), state.q[None], state.v[None]).bodies([0])["body_position"][0, 0, 1])
 
     assert [height(fold.state) for fold in path.folds] == pytest.approx([top, -top], abs=1e-12)
     assert [fold.unstable for fold in path.folds] == [(0, 1), (1, 0)]

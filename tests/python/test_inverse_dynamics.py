@@ -240,7 +240,7 @@ def straight() -> tuple[pt.Mechanism, pt.State]:
 def test_the_margin_is_zero_where_the_rods_of_a_five_bar_lie_in_one_line() -> None:
     """The closed form of type II; there the efforts have no value, and the other sets have."""
     m, state = straight()
-    there = m.compile().core.joints(np.zeros(1), state.q[None], 0 * state.v[None], [1, 2, 3])
+    there = m.compile().core.motion(np.zeros(1), state.q[None], 0 * state.v[None]).joints([1, 2, 3])
     pin = there["joint_point"][0]
     cross = np.cross(pin[1] - pin[0], pin[2] - pin[1])[2]
     assert abs(cross) < 1e-12
@@ -257,7 +257,7 @@ def test_the_margin_is_zero_where_the_rods_of_a_five_bar_lie_in_one_line() -> No
 
 
 def state_angle(m: pt.Mechanism, state: pt.State) -> float:
-    found = m.compile().core.joints(np.zeros(1), state.q[None], 0 * state.v[None], [2])["joint_position"]
+    found = m.compile().core.motion(np.zeros(1), state.q[None], 0 * state.v[None]).joints([2])["joint_position"]
     return float(found[0, 0])
 
 
@@ -297,7 +297,7 @@ def needed(m: pt.Mechanism, path: Moved, row: int) -> tuple[Array, Array]:
         for column in range(len(i.v)):
             unit = np.zeros((1, len(i.v)))
             unit[0, column] = 1.0
-            e[column, j] = joints.joints(np.zeros(1), path.q[row][None], unit, [number])["joint_velocity"][0, 0]
+            e[column, j] = joints.motion(np.zeros(1), path.q[row][None], unit).joints([number])["joint_velocity"][0, 0]
     return i.D @ e, d
 
 

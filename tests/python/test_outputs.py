@@ -15,24 +15,25 @@ ASKED_ONE_BY_ONE = ("bodies", "joints", "joint_accelerations", "reaction")
 
 
 class Counting:
-    """A compiled model that notes what it is asked for."""
+    """A motion of the core that notes what it is asked for."""
 
-    def __init__(self, core: Any) -> None:
-        self.core, self.asked = core, list[tuple[str, Any]]()
+    def __init__(self, motion: Any) -> None:
+        self.motion, self.asked = motion, list[tuple[str, Any]]()
 
     def __getattr__(self, name: str) -> Any:
         def call(*arguments: Any) -> Any:
             self.asked.append((name, arguments[-1] if name in ASKED_ONE_BY_ONE else None))
-            return getattr(self.core, name)(*arguments)
+            return getattr(self.motion, name)(*arguments)
 
         return call
 
 
 def watched(m: pt.Mechanism, run: Result) -> tuple[Result, Counting]:
-    """The same result, over a model that notes what it is asked for."""
-    model = m.compile()
-    counting = Counting(model.core)
-    return Result(run.record, ModelSource(counting, run.record.arrays, model.summary)), counting
+    """The same result, over a motion that notes what it is asked for."""
+    model, source = m.compile(), run.at_once
+    assert isinstance(source, ModelSource)
+    counting = Counting(source.motion)
+    return Result(run.record, ModelSource(model.core, counting, model.summary)), counting
 
 
 def loaded(name: str) -> tuple[pt.Mechanism, dict[str, int]]:
@@ -96,6 +97,27 @@ def test_what_is_not_read_is_not_computed() -> None:
     assert model.asked[4:] == [("energies", None)]
     assert run.joint(first).acceleration.shape == run.joint(first).acceleration.shape == (201, joint.velocity.shape[1])
     assert model.asked[5:] == [("joint_accelerations", [1])]
+
+
+@pytest.mark.parametrize("name", ["four-bar", "bricard"])
+def test_a_run_asks_the_motion_that_the_core_keeps(name: str) -> None:
+    """The same to the bit as of given states, however these lie in memory, and at some outputs as at all."""
+    m = pt.catalogue.load(name)
+    run = m.simulate(0.3, t_eval=np.linspace(0.0, 0.3, 9))
+    source, core = run.at_once, m.compile().core
+    assert isinstance(source, ModelSource) and source.motion.multipliers is run.multipliers
+    tables = (run.q, run.v, run.vdot, run.multipliers)
+    for order in ("C", "F"):
+        given = core.motion(run.t, *(np.asarray(table, order=order) for table in tables))
+        for key, values in {**given.reactions(), **given.bodies(), **given.checks(), **given.energies()}.items():
+            reported = {**source.reactions, **source.observed, **source.checks, **source.energies}
+            assert np.array_equal(values, reported[key], equal_nan=True), key
+    some = source.motion.reactions([0, 7, 2])  # of what is shared the first says which joints share it
+    assert all(np.array_equal(some[key], source.reactions[key][[0, 7, 2]]) for key in some)
+    with pytest.raises(pt.errors.ArgumentError, match="there is no output 9"):
+        source.motion.reactions([9])
+    with pytest.raises(pt.errors.ArgumentError, match="this motion has no vdot"):
+        core.motion(run.t, run.q, run.v).reaction(0)
 
 
 def test_redundant_joints_share_loads_so_that_all_are_asked_at_once() -> None:

@@ -25,6 +25,7 @@ from partita.mechanism.models import layout_of
 from partita.mechanism.playground import changed, recorded
 from partita.playground.page import COMPUTES, text
 from partita.state import State
+from partita.webpage import part_of
 
 NODE = shutil.which("node")
 TIGHT = {"rtol": 1e-14, "atol": 1e-15}
@@ -41,7 +42,7 @@ def page_runs(
 ) -> Any:
     """What `script` returns, run on the motion of the page."""
     made = recorded(mechanism, initial)
-    scripts = "\n".join(text(name) for name in COMPUTES)
+    scripts = "\n".join((part_of("partita", "tolerance.js"), *map(text, COMPUTES)))
     body = f"""{scripts}
         const about = {json.dumps(made.about)};
         (async () => {{

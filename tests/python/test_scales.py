@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import usd_files
 
 import partita as pt
+from partita.viewer.couplings import _Artist, pictures
+from partita.viewer.packing import _chosen
 
 
 def four_bar(unit: float) -> pt.Mechanism:
@@ -126,3 +131,131 @@ def test_a_centre_of_mass_that_is_off_by_rounding_is_no_length(off: float, coord
         run = m.simulate(0.1, t_eval=[0.0, 0.1], coordinates=coordinates)
         assert run.success and run.certificate.verdict == "valid"
         assert run.body("rod").position[-1, 1] == pytest.approx(-9.81 * 0.1**2 / 2, rel=1e-9)
+
+
+SIZES = [(1e-5, 1e-9), (1.0, 1.0), (1e5, 1e9)]
+"""Lengths [m] and masses [kg] of a micro-mechanism, of one on a table and of one as large as a country."""
+
+
+def sized(unit: float, mass: float) -> pt.Mechanism:
+    """A slider-crank with these lengths and masses, under its own gravity."""
+    m = pt.Mechanism("slider-crank", gravity=(0, -9.81 * unit, 0))
+    at = unit * np.array([[0.0, 0.0, 0.0], [0.2, 0.2, 0.0], [1.1, 0.1, 0.0]])
+    crank = m.add_rod("crank", start=at[0], end=at[1], mass=0.3 * mass)
+    rod = m.add_rod("rod", start=at[1], end=at[2], mass=0.5 * mass)
+    slider = m.add_body("slider", mass=0.2 * mass, inertia=np.full(3, 0.01) * mass * unit**2, position=at[2])
+    m.add_revolute("A", m.ground, crank, point=at[0])
+    m.add_revolute("B", crank, rod, point=at[1])
+    m.add_revolute("C", rod, slider, point=at[2])
+    m.add_prismatic("S", m.ground, slider, point=at[2], axis=(1, 0, 0))
+    return m
+
+
+@pytest.mark.parametrize(("unit", "mass"), SIZES)
+def test_a_state_that_accelerates_does_at_every_size(unit: float, mass: float) -> None:
+    """A mass on a stiff spring, pushed by its weight: 9.81 lengths per square second beside 1e12 per square second."""
+    m = pt.Mechanism("pushed", gravity=(-9.81 * unit, 0, 0))
+    block = m.add_body("block", mass=mass, inertia=np.full(3, 0.01) * mass * unit**2, com=(0, 0.1 * unit, 0))
+    m.add_prismatic("S", m.ground, block, axis=(1, 0, 0))
+    m.add_spring("spring", m.ground, (-unit, 0, 0), block, (0, 0, 0), stiffness=1e6 * mass, length=unit)
+    with pytest.raises(pt.errors.ArgumentError, match="not steady: it accelerates"):
+        m.linearize().modes()
+    assert m.linearize(m.equilibrium(stable=True)).modes().frequency[0] == pytest.approx(1e3 / (2 * np.pi), rel=1e-4)
+
+
+@pytest.mark.parametrize(("unit", "mass"), SIZES)
+def test_closure_errors_are_seen_at_every_size(unit: float, mass: float) -> None:
+    """Dots above the lower edge of the panel, where zero is drawn, and below its middle."""
+    run = sized(unit, mass).simulate(1.0)
+    assert run.success
+    figure = run.plot("closure")
+    (ax,) = figure.axes
+    low, high = ax.get_ylim()
+    positions = np.array(ax.get_lines()[0].get_ydata())
+    inside = (positions > low) & (positions < np.sqrt(low * high) * 10.0)
+    assert inside.mean() > 0.5, (low, high, positions.max())
+
+
+@pytest.mark.parametrize(("unit", "mass"), SIZES)
+def test_reactions_are_seen_at_every_size(unit: float, mass: float) -> None:
+    """Forces are drawn where there are some, however small."""
+    run = sized(unit, mass).simulate(1.0)
+    forces = run.plot("reactions").axes[0]
+    drawn = [line.get_label().partition(" ")[0] for line in forces.get_lines()]
+    assert {"A", "B", "C", "S"} <= set(drawn)
+    low, high = forces.get_ylim()
+    largest = max(float(np.linalg.norm(run.joint(name).force, axis=1).max()) for name in "ABCS")
+    assert 0.5 * (high - low) < largest < high
+
+
+@pytest.mark.parametrize(("unit", "mass"), SIZES)
+def test_two_belts_on_one_shaft_share_a_pulley_where_they_are_one(unit: float, mass: float) -> None:
+    """A quarter of the width apart they are two, whatever that is in metres."""
+    m = pt.Mechanism("belts")
+    names = []
+    for i, (x, z) in enumerate(((0.0, 0.0), (1.0, 0.0), (2.0, 0.0))):
+        inertia = np.full(3, 0.01) * mass * unit**2
+        wheel = m.add_body(f"wheel {i}", mass=mass, inertia=inertia, position=(x * unit, 0, z * unit))
+        names.append(m.add_revolute(f"A{i}", m.ground, wheel, point=(x * unit, 0, z * unit)).name)
+    m.add_belt("A0", "A1", radius1=0.1 * unit, radius2=0.2 * unit)
+    m.add_belt("A1", "A2", radius1=0.2 * unit, radius2=0.3 * unit)
+    spec = m.to_spec()
+    found = pictures(spec, [f"wheel {i}" for i in range(3)], names, {}, 2.0 * unit)
+    radii = np.array([wheel["radius"] for wheel in found.wheels]) / unit
+    assert radii == pytest.approx([0.2, 0.1, 0.3, 0.2])
+    artist = _Artist(spec, [f"wheel {i}" for i in range(3)], names, {}, 2.0 * unit)
+    seats = {artist.seat(turn) for turn in artist.turns.values()}
+    assert len(seats) == 3
+    one = artist.turns["A1"]
+    moved = replace(one, point=one.point + np.array([1e-12 * unit, 0.0, 0.0]))
+    apart = replace(one, point=one.point + np.array([1e-6 * unit, 0.0, 0.0]))
+    assert artist.seat(moved) == artist.seat(one) != artist.seat(apart)
+
+
+@pytest.mark.parametrize("power", [-40, -17, 17])
+def test_a_page_keeps_the_same_outputs_at_every_size(power: int) -> None:
+    """Those that stray from the lines between others, and of equal ones those that are spread evenly."""
+    t = np.linspace(0.0, 1.0, 1000)
+    table = np.column_stack([np.abs(t - 0.5003), np.where(t > 0.2502, 1.0, 0.0)])
+    frames, stray = _chosen(2.0**power * table, len(t), 100)
+    wanted, whole = _chosen(table, len(t), 100)
+    assert np.array_equal(frames, wanted) and stray == 2.0**power * whole
+
+
+@pytest.mark.parametrize(("unit", "mass"), SIZES)
+def test_links_of_a_small_robot_are_bodies(unit: float, mass: float, tmp_path: Path) -> None:
+    """The root, which has mass, and a link at a fixed joint; one of a billionth of the heaviest is a frame."""
+
+    def link(name: str, of: float, inertia: float) -> str:
+        moments = " ".join(f'{key}="{inertia if key[1] == key[2] else 0.0}"' for key in ("ixx", "iyy", "izz", "ixy"))
+        moments += ' ixz="0" iyz="0"'
+        return f'<link name="{name}"><inertial><mass value="{of}"/><inertia {moments}/></inertial></link>'
+
+    def hinged(kind: str, name: str, parent: str, child: str) -> str:
+        ends = f'<parent link="{parent}"/><child link="{child}"/><axis xyz="0 0 1"/>'
+        return f'<joint name="{name}" type="{kind}">{ends}<origin xyz="{unit} 0 0"/></joint>'
+
+    inertia = 0.01 * mass * unit**2
+    parts = (
+        link("base", mass, inertia), link("arm", mass, inertia), hinged("continuous", "A", "base", "arm"),
+        link("tool", 0.5 * mass, 0.0), hinged("fixed", "T", "arm", "tool"),
+        link("mark", 1e-10 * mass, 0.0), hinged("fixed", "F", "arm", "mark"),
+    )  # fmt: skip
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="r">{"".join(parts)}</robot>', "utf-8")
+    bodies = set(pt.load(path).bodies)
+    assert bodies - {"mark"} == {"base", "arm", "tool"} and ("mark" in bodies) == (1e-10 * mass > 1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-5, 1.0, 1e5])
+def test_a_gap_of_a_stage_is_one_at_every_size(unit: float, tmp_path: Path) -> None:
+    """A tenth of the mechanism is open, and six digits are closed."""
+    pytest.importorskip("pxr")
+    scene = usd_files.prim("PhysicsScene", "scene")
+    for gap, is_open in ((0.1, True), (1e-8, False)):
+        frames = usd_files.points(f"({unit!r}, 0, 0)", f"({gap * unit!r}, 0, 0)")
+        body = usd_files.body("a", usd_files.at(unit, 0, 0))
+        joint = usd_files.joint("SphericalJoint", "A", ("", "a"), frames)
+        path = usd_files.put(tmp_path, usd_files.usd(scene, body, joint))
+        text = " ".join(group.text for group in pt.load(path).remarks)
+        assert ("not closed as drawn" in text) == is_open, (gap, text)

@@ -1,22 +1,14 @@
-"""Every threshold of the core has one name, one meaning, a scale and a reason, and stands in docs/tolerances.md."""
+"""Every threshold has one name, one meaning, a scale and a reason, and stands in docs/tolerances.md."""
 
 from __future__ import annotations
 
+import ast
+import re
 from collections import Counter
 
+import numpy as np
+import pytest
 import tolerances
-
-from partita.builder import frames, joints, records
-
-FACE = {
-    "AXES_CROSS": joints._PARALLEL,
-    "EQUAL": frames.ORTHONORMAL,
-    "EQUAL_IN_SIX_DIGITS": frames.INERTIA,
-    "NEARLY_ALONG": frames.NEARLY_ALONG,
-    "DRAWING_TOLERANCE": records.DRAWING_TOLERANCE,
-    "LARGEST_TOLERANCE": records.LARGEST_DRAWING_TOLERANCE,
-}
-"""What the face refuses before the core sees it, by the core's name for it."""
 
 
 def test_every_constant_says_its_meaning_its_scale_and_its_reason() -> None:
@@ -65,9 +57,59 @@ def test_what_is_shared_is_used_by_more_than_one_file() -> None:
     assert not [name for name in shared if users[name] < 2]
 
 
-def test_the_face_has_the_values_of_the_core() -> None:
-    core = {c.name: float(c.value) for c in tolerances.constants() if c.name in FACE}
-    assert core == FACE
+SAME_AS_THE_CORE = {
+    "ATOL", "AXES_CROSS", "CLOCK_TICK", "DRAWING_TOLERANCE", "EQUAL", "EQUAL_IN_SIX_DIGITS", "LARGEST_TOLERANCE",
+    "LONG_ROUNDING", "NEARLY_ALONG", "NEGLIGIBLE", "ROUNDING", "RTOL", "SUM_ROUNDING",
+}  # fmt: skip
+"""Names of the core in Python: what is refused there before the core sees it, and what both mean."""
+
+
+def value_of(constant: tolerances.Constant) -> float:
+    """In numbers."""
+    text = constant.value.replace("f64::EPSILON", "EPSILON").replace("float(np.finfo(float).eps)", "EPSILON")
+    return float(eval(text, {"EPSILON": np.finfo(float).eps}))
+
+
+def test_the_package_has_the_values_of_the_core() -> None:
+    core = {c.name: value_of(c) for c in tolerances.constants() if c.name in SAME_AS_THE_CORE}
+    python = {c.name: value_of(c) for c in tolerances.of_package() if c.name in core and c.where.startswith("py/")}
+    assert core == python and set(core) == SAME_AS_THE_CORE
+    scripts = {c.name: value_of(c) for c in tolerances.of_package() if c.where == "js/tolerance" and c.name in core}
+    assert scripts == {name: core[name] for name in ("EQUAL", "EQUAL_IN_SIX_DIGITS", "NEGLIGIBLE")}
+
+
+def test_every_threshold_of_the_package_says_its_meaning_its_scale_and_its_reason() -> None:
+    found = tolerances.of_package()
+    assert len(found) > 100
+    assert not [f"{c.where}: {c.name}: {c.comment}" for c in found if c.parts is None]
+
+
+@pytest.mark.parametrize("language", tolerances.LANGUAGES)
+def test_a_name_and_a_meaning_of_the_package_stand_for_one_constant(language: str) -> None:
+    found = [c for c in tolerances.of_package() if c.where.startswith(f"{language}/")]
+    names = Counter(c.name.lstrip("_") for c in found)
+    meanings = Counter(c.parts[0].lower() for c in found if c.parts)
+    assert not [name for name, count in (*names.items(), *meanings.items()) if count > 1]
+
+
+def test_the_package_compares_with_nothing_that_has_no_name() -> None:
+    python = {where: lines for where, tree in tolerances.modules() if (lines := tolerances.nameless(tree))}
+    scripts = {where: lines for where, text in tolerances.scripts() if (lines := tolerances.nameless_in_script(text))}
+    assert not python, "name them, with meaning, scale and reason; shared ones stand in partita/tolerance.py"
+    assert not scripts, "name them, with meaning, scale and reason; shared ones stand in partita/tolerance.js"
+
+
+def test_what_modules_share_is_used_by_more_than_one() -> None:
+    for language, texts in (
+        ("py", [(where, ast.unparse(tree)) for where, tree in tolerances.modules()]),
+        ("js", list(tolerances.scripts())),
+    ):
+        shared = [c.name for c in tolerances.of_package() if c.where == f"{language}/tolerance"]
+        users = {
+            name: [where for where, text in texts if where != "tolerance" and re.search(rf"\b{name}\b", text)]
+            for name in shared
+        }
+        assert shared and not [name for name in shared if len(users[name]) < 2], language
 
 
 def test_the_rules_find_what_they_look_for() -> None:
@@ -86,3 +128,22 @@ def test_the_rules_find_what_they_look_for() -> None:
     assert tolerances.comparisons(["STEP"], "if t > STEP * h && x.len() { STEP } // STEP < 1") == ["if t > STEP * h"]
     assert tolerances.comparisons(["STEP"], "let f: Vec<f64> = x.map(|x| x -> STEP); i < STEP.len()") == []
     assert next(tolerances.in_text("a", "/// Largest error.\nconst WORST: f64 = 1e-3;")).parts is None
+
+
+def test_the_rules_find_what_they_look_for_in_the_package() -> None:
+    def found(text: str) -> list[str]:
+        return tolerances.nameless(ast.parse(text))
+
+    assert found("def f(x):\n    return x < 0.5 * size(2.0)") == ["2: 0.5"]
+    assert found("if abs(x - 2.5) > LEAST: pass") == ["1: 2.5"]
+    assert found("if max(x, 0.02 * y) >= z: pass") == ["1: 0.02"]
+    assert found("def f(x):\n    return g(x, 1e-9)") == ["2: 1e-09"]
+    assert not found("LEAST = 1e-9\nx = 0.5 * LEAST < 1.0 or x > 0.0 or len(x) < 8")
+    assert not found("def f(x, rtol=1e-8, *, atol=1e-10):\n    return x == 0.5")
+    assert not found("class A:\n    tolerance: float = 1e-12")
+    assert tolerances.nameless_in_script('a < 1e-9; // 1e-9\nb("1e-9"); c(0.001)\nconst LEAST = 1e-9;') == [
+        "a < 1e-9;",
+        'b(""); c(0.001)',
+    ]
+    (one,) = tolerances.of_script("a", "// Small. Scale: m. Reason: a guess.\nconst LEAST = 1e-9;\nconst MANY = 3;")
+    assert (one.name, one.parts) == ("LEAST", ("Small.", "m", "a guess"))

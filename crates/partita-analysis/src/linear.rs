@@ -31,6 +31,8 @@ pub struct Linearized {
     /// Whether f0 stays as it is while the motion goes on: rest, or a motion on which nothing depends. Only then are
     /// eigenvalues of A the same for all coordinates.
     pub steady: bool,
+    /// Whether an independent velocity accelerates.
+    pub accelerates: bool,
     /// Whether it is at rest without dissipation and without drives as inputs: stiffness and mass are symmetric and
     /// nothing else acts.
     pub conservative: bool,
@@ -134,10 +136,15 @@ pub fn linearize(
     let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
     let found = solved.first_order(efforts, driven)?;
     let still = system.travel(v) == 0.0;
+<<<<<<< HEAD
     let lasting =
         if still || !system.structure().rheonomic { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
+=======
+    let lasting = if still || !system.rheonomic() { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
+    let accelerates = accelerates(&*system, &solved, &found);
+>>>>>>> tables
     let steady = lasting
-        && !accelerates(&*system, &solved, &found)
+        && !accelerates
         && (still || unchanging(&solved, (t, q, v), &found, driven)?)
         && lasts(model, &solved, (t, q, v), &found, driven)?;
     let conservative = steady && still && driven.is_empty() && !system.structure().rheonomic && is_conservative(&found);
@@ -146,6 +153,7 @@ pub fn linearize(
         vdot: solved.vdot.clone(),
         multipliers: solved.multipliers.clone(),
         steady,
+        accelerates,
         conservative,
         modes: None,
     };

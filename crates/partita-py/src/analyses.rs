@@ -72,6 +72,7 @@ pub fn linearized<'py>(
     d.set_item("f0", array(py, &[found.f0.len()], found.f0.clone()))?;
     d.set_item("exact", found.derivatives == Derivatives::Exact)?;
     d.set_item("steady", made.steady)?;
+    d.set_item("accelerates", made.accelerates)?;
     d.set_item("conservative", made.conservative)?;
     if beside {
         for (name, m) in [

@@ -98,7 +98,9 @@ pub fn rows_of<'x>(x: &'x PyReadonlyArray2<'_, f64>, nt: usize, width: usize, wh
         let message = format!("{what} is {} x {}; it must be {nt} x {width}, a row for each time", shape[0], shape[1]);
         return Err(raise(x.py(), "ArgumentError", &message, &[("argument", what.into())]));
     }
-    Ok(x.as_slice().map_or_else(|_| Cow::Owned(matrix(x).2), Cow::Borrowed))
+    // `as_slice` also has arrays that lie column by column
+    let by_rows = x.as_slice().ok().filter(|_| x.is_c_contiguous());
+    Ok(by_rows.map_or_else(|| Cow::Owned(matrix(x).2), Cow::Borrowed))
 }
 
 /// Contiguous copy of a matrix, with its shape.

@@ -11,6 +11,7 @@ mod functions;
 mod inverse;
 mod maps;
 mod model;
+mod motion;
 mod outputs;
 mod partition;
 mod poses;
@@ -49,6 +50,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<inverse::Inverse>()?;
     m.add_class::<inverse::Actuated>()?;
     m.add_class::<user_system::System>()?;
+    m.add_class::<motion::Motion>()?;
     m.add_class::<run::Account>()?;
     m.add_class::<run::Options>()?;
     m.add_class::<stepper::Stepper>()?;

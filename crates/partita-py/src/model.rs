@@ -6,7 +6,7 @@ mod rest;
 use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
-use crate::outputs::{self, Acting, Flags, Motion};
+use crate::motion::{with_motion, Motion};
 use crate::program;
 use crate::run::{self, ClosedStates, Options};
 use crate::state::{self, Array};
@@ -117,21 +117,6 @@ impl Model {
         let mut levels = Levels::new(&*self.inner);
         levels.position(t, &q).map_err(|e| failure::system(py, e))?;
         Ok(levels)
-    }
-
-    /// Result of `ask` about a motion and its forces, given as arrays.
-    fn acted<'py, T>(
-        &self,
-        py: Python<'py>,
-        (t, q, v): (&Vector, &Table, &Table),
-        (vdot, multipliers): (&Table, &Table),
-        ask: impl FnOnce(Python<'py>, &Inner, &Motion, &Acting) -> PyResult<T>,
-    ) -> PyResult<T> {
-        guarded(py, || {
-            let motion = Motion::read(&self.inner, t, q, v)?;
-            let acting = Acting::read(&self.inner, &motion, vdot, multipliers)?;
-            ask(py, &self.inner, &motion, &acting)
-        })
     }
 }
 
@@ -392,7 +377,11 @@ impl Model {
             let (q, v) = self.state(&q, &v)?;
             let (system, calls) = (self.inner.clone(), self.inner.equations().calls_functions());
             let tangent = run::tangent(self.nv(), tangent);
+<<<<<<< HEAD
             run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, calls)
+=======
+            with_motion(py, &self.inner, run::run(py, system, options, &t_eval, (&q, &v), tangent, progress, calls)?)
+>>>>>>> tables
         })
     }
 
@@ -414,191 +403,18 @@ impl Model {
         })
     }
 
-    /// Poses and twists of the bodies `which` at nt samples.
-    fn bodies<'py>(
+    /// A motion through these states, one row each.
+    #[pyo3(signature = (t, q, v, vdot=None, multipliers=None))]
+    fn motion<'py>(
         &self,
         py: Python<'py>,
         t: Vector<'py>,
         q: Table<'py>,
         v: Table<'py>,
-        which: Vec<usize>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || outputs::bodies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
-    }
-
-    /// Coordinates, velocities and points of the joints `which` at nt samples.
-    fn joints<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        which: Vec<usize>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || outputs::joints(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, &which))
-    }
-
-    /// Accelerations along the degrees of freedom of the joints `which` at nt samples.
-    fn joint_accelerations<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        vdot: Table<'py>,
-        which: Vec<usize>,
-    ) -> PyResult<Array<'py>> {
-        guarded(py, || {
-            let motion = Motion::read(&self.inner, &t, &q, &v)?;
-            outputs::joint_accelerations(py, &self.inner, &motion, &vdot, &which)
-        })
-    }
-
-    /// Accelerations of the bodies `which` at nt samples.
-    fn body_accelerations<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        vdot: Table<'py>,
-        which: Vec<usize>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || {
-            let motion = Motion::read(&self.inner, &t, &q, &v)?;
-            outputs::body_accelerations(py, &self.inner, &motion, &vdot, &which)
-        })
-    }
-
-    /// Effect of applied force `number` of the description at nt samples.
-    fn load<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        number: usize,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || outputs::load(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, number))
-    }
-
-    /// Kinetic and potential energy at nt samples.
-    fn energies<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || outputs::energies(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
-    }
-
-    /// Wrench of one joint at nt samples.
-    fn reaction<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        vdot: Table<'py>,
-        multipliers: Table<'py>,
-        joint: usize,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), |py, m, x, acting| {
-            outputs::reaction(py, m, x, acting, joint)
-        })
-    }
-
-    /// Whether part of the reactions at nt samples is chosen by a rule, for which all joints are needed.
-    fn shares_loads<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        vdot: Table<'py>,
-        multipliers: Table<'py>,
-    ) -> PyResult<bool> {
-        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::shares)
-    }
-
-    /// Balances for a certificate at nt samples.
-    fn checks<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        vdot: Table<'py>,
-        multipliers: Table<'py>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::checks)
-    }
-
-    /// Wrenches of all joints at nt samples.
-    fn reactions<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        vdot: Table<'py>,
-        multipliers: Table<'py>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::reactions)
-    }
-
-    /// Forces and moments of all joints at nt samples, by augmented joint coordinates.
-    fn augmented_reactions<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        vdot: Table<'py>,
-        multipliers: Table<'py>,
-    ) -> PyResult<(Array<'py>, Array<'py>)> {
-        self.acted(py, (&t, &q, &v), (&vdot, &multipliers), outputs::augmented_reactions)
-    }
-
-    /// Which reactions follow from the motion alone at nt samples.
-    fn determined<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-    ) -> PyResult<[Flags<'py>; 4]> {
-        guarded(py, || outputs::determined(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?))
-    }
-
-    /// Loads of self-stresses on one joint at nt samples.
-    fn self_stresses<'py>(
-        &self,
-        py: Python<'py>,
-        t: Vector<'py>,
-        q: Table<'py>,
-        v: Table<'py>,
-        joint: usize,
-    ) -> PyResult<Array<'py>> {
-        guarded(py, || outputs::self_stresses(py, &self.inner, &Motion::read(&self.inner, &t, &q, &v)?, joint))
-    }
-
-    /// Orthonormal self-stresses at one position: wrenches (s, nj, 6) in world axes, efforts of the drives (s, drives),
-    /// and the length that moments are divided by.
-    fn self_stress_basis<'py>(
-        &self,
-        py: Python<'py>,
-        t: f64,
-        q: Vector<'py>,
-    ) -> PyResult<(Array<'py>, Array<'py>, f64)> {
-        guarded(py, || {
-            let q = vector(&q, self.nq(), "q")?;
-            let found = analysis::sharing::self_stresses(&self.inner, t, &q).map_err(|e| failure::analysis(py, e))?;
-            let (nj, nd) = (self.inner.spec.joints.len(), self.inner.spec.drives.len());
-            let wrenches = array(py, &[found.count, nj, 6], found.wrenches);
-            Ok((wrenches, array(py, &[found.count, nd], found.efforts), found.length))
-        })
+        vdot: Option<Table<'py>>,
+        multipliers: Option<Table<'py>>,
+    ) -> PyResult<Motion> {
+        guarded(py, || Motion::new(py, &self.inner, &t, (&q, &v), (vdot.as_ref(), multipliers.as_ref())))
     }
 
     /// Data that are possible but unlikely, in sentences.

@@ -1,20 +1,14 @@
-//! Outputs of a mechanism along sampled states, as arrays.
+//! Tables with a row for each output, as arrays.
 
-use crate::arrays::{array, entries_of, rows_of, shaped};
+use crate::arrays::{array, shaped};
 use crate::ending::{entered, released};
-use crate::failure::{self, raise};
-use crate::state::Array;
-use numpy::{PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
-use partita_analysis::determined::{self, DIRECTIONS};
+use crate::failure;
 use partita_analysis::error::AnalysisError;
-use partita_analysis::outputs::{self, Forces, States, Watch};
+use partita_analysis::outputs::Watch;
 use partita_analysis::run::{Assessed, Described};
-use partita_model::Model;
-use partita_system::prelude::*;
 use partita_system::Size;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::borrow::Cow;
 
 /// Compute while other Python threads run; Ctrl-C is checked between the rows.
 pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch) -> Result<T, AnalysisError> + Send) -> PyResult<T> {
@@ -29,24 +23,15 @@ pub fn watched<T: Send>(py: Python<'_>, f: impl FnOnce(Watch) -> Result<T, Analy
     found.map_err(|e| failure::analysis(py, e))
 }
 
-fn tables(
-    py: Python<'_>,
-    f: impl FnOnce(Watch) -> Result<Vec<Vec<f64>>, AnalysisError> + Send,
-) -> PyResult<std::vec::IntoIter<Vec<f64>>> {
-    Ok(watched(py, f)?.into_iter())
-}
-
 /// Quantities at nt outputs of a system, by name.
 pub fn described(py: Python<'_>, nt: usize, size: Size, x: Described) -> PyResult<Bound<'_, PyDict>> {
-    let tables = [x.vdot, x.multipliers, x.independent, x.closure, x.velocity_closure].into_iter();
-    let shapes: [(&str, &[usize]); 5] = [
-        ("vdot", &[size.nv]),
-        ("multipliers", &[size.rows]),
-        ("independent", &[x.k]),
-        ("closure", &[]),
-        ("velocity_closure", &[]),
-    ];
+    let tables = [x.vdot, x.multipliers, x.closure, x.velocity_closure];
+    let shapes: [(&str, &[usize]); 4] =
+        [("vdot", &[size.nv]), ("multipliers", &[size.rows]), ("closure", &[]), ("velocity_closure", &[])];
     let d = named(py, nt, tables, &shapes)?;
+    // -1: nothing was chosen in a singular position
+    let chosen = x.independent.iter().map(|i| if i.is_nan() { -1 } else { *i as i64 }).collect();
+    d.set_item("independent", shaped(py, &[nt, x.k], chosen))?;
     d.set_item("notes", x.notes)?;
     Ok(d)
 }
@@ -55,7 +40,7 @@ pub fn described(py: Python<'_>, nt: usize, size: Size, x: Described) -> PyResul
 /// name.
 pub fn assessed(py: Python<'_>, nt: usize, size: Size, x: Assessed) -> PyResult<Bound<'_, PyDict>> {
     let shapes: [(&str, &[usize]); 3] = [("measure", &[size.nv]), ("sigma", &[]), ("sqrt_mu", &[])];
-    let d = named(py, nt, [x.measure, x.sigma, x.sqrt_mu].into_iter(), &shapes)?;
+    let d = named(py, nt, [x.measure, x.sigma, x.sqrt_mu], &shapes)?;
     if !x.selector.is_empty() {
         let k = x.selector.len() / (nt * size.nv);
         d.set_item("selector", array(py, &[nt, k, size.nv], x.selector))?;
@@ -63,78 +48,20 @@ pub fn assessed(py: Python<'_>, nt: usize, size: Size, x: Assessed) -> PyResult<
     Ok(d)
 }
 
-/// t, q and v at the outputs, their shapes checked.
-pub struct Motion<'x> {
-    t: Cow<'x, [f64]>,
-    q: Cow<'x, [f64]>,
-    v: Cow<'x, [f64]>,
-}
-
-/// v' and λ there.
-pub struct Acting<'x> {
-    vdot: Cow<'x, [f64]>,
-    multipliers: Cow<'x, [f64]>,
-}
-
-impl<'x> Motion<'x> {
-    /// From arrays with a row for each time.
-    pub fn read(
-        m: &Model,
-        t: &'x PyReadonlyArray1<'_, f64>,
-        q: &'x PyReadonlyArray2<'_, f64>,
-        v: &'x PyReadonlyArray2<'_, f64>,
-    ) -> PyResult<Self> {
-        let (t, size) = (entries_of(t), m.size());
-        let (q, v) = (rows_of(q, t.len(), size.nq, "q")?, rows_of(v, t.len(), size.nv, "v")?);
-        Ok(Self { t, q, v })
-    }
-
-    fn states(&self) -> States<'_> {
-        States { t: &self.t, q: &self.q, v: &self.v }
-    }
-}
-
-impl<'x> Acting<'x> {
-    /// From arrays with a row for each time of `motion`.
-    pub fn read(
-        m: &Model,
-        motion: &Motion,
-        vdot: &'x PyReadonlyArray2<'_, f64>,
-        multipliers: &'x PyReadonlyArray2<'_, f64>,
-    ) -> PyResult<Self> {
-        let (nt, size) = (motion.t.len(), m.size());
-        let (vdot, lambda) = (rows_of(vdot, nt, size.nv, "vdot")?, rows_of(multipliers, nt, size.rows, "multipliers")?);
-        Ok(Self { vdot, multipliers: lambda })
-    }
-
-    fn forces(&self) -> Forces<'_> {
-        Forces { vdot: &self.vdot, multipliers: &self.multipliers }
-    }
-}
-
-fn known(py: Python<'_>, which: &[usize], count: usize, what: &str) -> PyResult<()> {
-    match which.iter().find(|&&i| i >= count) {
-        None => Ok(()),
-        Some(i) => {
-            let message = format!("there is no {what} {i}; there are {count}, numbered from 0");
-            Err(raise(py, "ArgumentError", &message, &[("argument", what.into())]))
-        }
-    }
-}
-
 /// Name and array of each table; `shape` gives its axes after time.
-fn named<'py>(
+pub fn named<'py>(
     py: Python<'py>,
     nt: usize,
-    tables: impl Iterator<Item = Vec<f64>>,
+    tables: impl IntoIterator<Item = Vec<f64>>,
     shapes: &[(&str, &[usize])],
 ) -> PyResult<Bound<'py, PyDict>> {
     let d = PyDict::new(py);
-    for (data, (name, shape)) in tables.zip(shapes) {
+    for (data, (name, shape)) in tables.into_iter().zip(shapes) {
         d.set_item(name, array(py, &[&[nt], *shape].concat(), data))?;
     }
     Ok(d)
 }
+<<<<<<< HEAD
 
 /// Poses and twists of the bodies `which`.
 pub fn bodies<'py>(py: Python<'py>, m: &Model, x: &Motion, which: &[usize]) -> PyResult<Bound<'py, PyDict>> {
@@ -310,3 +237,5 @@ pub fn self_stresses<'py>(py: Python<'py>, m: &Model, x: &Motion, joint: usize) 
     assert_eq!(found.len(), DIRECTIONS * states.len());
     Ok(array(py, &[states.len(), 2, 3, 3], found))
 }
+=======
+>>>>>>> tables

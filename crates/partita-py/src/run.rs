@@ -23,7 +23,11 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::ops::ControlFlow;
+<<<<<<< HEAD
 use std::sync::{Arc, Mutex};
+=======
+use std::sync::{Arc, OnceLock};
+>>>>>>> tables
 use std::time::{Duration, Instant};
 
 /// Read options written by the Python package.
@@ -151,6 +155,7 @@ impl<S: Balance + Send + Sync + 'static> Reported for RunLog<S> {
 #[pyclass(frozen, module = "partita._core", name = "SolutionLog")]
 pub struct Account {
     run: Box<dyn Reported>,
+    described: OnceLock<Py<PyDict>>,
     steps: Counters,
     work: FormulationCounters,
     steps_open: (f64, f64),
@@ -158,11 +163,23 @@ pub struct Account {
     exchanged: f64,
 }
 
+impl Account {
+    /// What describes the outputs, computed when first needed.
+    pub fn described<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        if let Some(found) = self.described.get() {
+            return Ok(found.bind(py).clone());
+        }
+        // of threads that ask at once each computes: none waits while it has the interpreter
+        let found = self.run.describe(py)?;
+        Ok(self.described.get_or_init(|| found.unbind()).bind(py).clone())
+    }
+}
+
 #[pymethods]
 impl Account {
     /// vdot, multipliers, independent, closure, velocity_closure at every output; notes.
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        guarded(py, || self.run.describe(py))
+        guarded(py, || self.described(py))
     }
     /// measure, sigma, sqrt_mu at every output, and selector where tangent velocities are frozen.
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -445,7 +462,12 @@ fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     d.set_item(intern!(py, "message"), &run.outcome.message)?;
     d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
     let log = Account {
+<<<<<<< HEAD
         run: Box::new(RunLog { system, log: run.log, shared, reader: Mutex::new(None) }),
+=======
+        run: Box::new(RunLog { system, log: run.log, shared }),
+        described: OnceLock::new(),
+>>>>>>> tables
         steps: run.outcome.counters,
         work: run.counters,
         steps_open: run.closure_error,

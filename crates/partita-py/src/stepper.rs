@@ -4,6 +4,7 @@ use crate::arrays::vector;
 use crate::ending::released;
 use crate::failure::{self, guarded, raise};
 use crate::functions::{Held, Kind};
+use crate::motion::with_motion;
 use crate::run;
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use partita_analysis::error::AnalysisError;
@@ -234,7 +235,10 @@ impl Stepper {
     fn here<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyDict>, crate::model::Model)> {
         guarded(py, || {
             let reported = self.with(py, |motion| Ok(motion.reported(true)))?;
-            Ok((run::left(py, &self.model, reported)?, crate::model::Model::of(self.model.clone())))
+            Ok((
+                with_motion(py, &self.model, run::left(py, &self.model, reported)?)?,
+                crate::model::Model::of(self.model.clone()),
+            ))
         })
     }
 
@@ -263,7 +267,7 @@ impl Stepper {
             let model = Model::new(spec, self.model.functions(), self.model.coordinates());
             let model = Arc::new(model.map_err(|e| failure::description(py, &e))?);
             let reported = self.with(py, |motion| Ok(motion.reported(false)))?;
-            Ok((run::left(py, &model, reported)?, crate::model::Model::of(model)))
+            Ok((with_motion(py, &model, run::left(py, &model, reported)?)?, crate::model::Model::of(model)))
         })
     }
 }

@@ -19,6 +19,7 @@ from ..results.force import ForceResult
 from ..results.run import Run
 from ..results.sensor import SensorResult
 from ..results.source import Source
+from ..tolerance import NEGLIGIBLE
 
 if TYPE_CHECKING:
     import xarray
@@ -262,7 +263,7 @@ def notes_of(found: Mapping[str, Any], names: Sequence[str], t: FloatArray) -> l
             times = ", ".join(f"{t[i]:.6g}" for i in where[:3]) + (" ..." if len(where) > 3 else "")
             notes.append(f"at {len(where)} of {len(t)} instants (t = {times} s) {sentence.format(who=who)}")
     remainder = np.nan_to_num(found["remainder"])
-    if len(remainder) and len(names) < found["k"] and remainder.max() > LEFT:
+    if len(remainder) and len(names) < found["k"] and remainder.max() > NEGLIGIBLE:
         worst = int(np.argmax(remainder))
         notes.append(
             f"this motion is not possible with {', '.join(names)} alone: {len(names)} actuator"
@@ -273,16 +274,12 @@ def notes_of(found: Mapping[str, Any], names: Sequence[str], t: FloatArray) -> l
     return notes
 
 
-LEFT = 1e-9
-"""A smaller part of the acting forces is round-off."""
-
-
 def exceeded(efforts: FloatArray, limits: FloatArray | None, t: FloatArray) -> list[str]:
     """A sentence where no distribution stays within the limits."""
     if limits is None:
         return []
     use = use_of(efforts, limits)
-    over = np.flatnonzero(np.nan_to_num(use) > 1.0 + LEFT)
+    over = np.flatnonzero(np.nan_to_num(use) > 1.0 + NEGLIGIBLE)
     if not len(over):
         return []
     worst = int(over[np.argmax(use[over])])

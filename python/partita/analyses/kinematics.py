@@ -20,6 +20,7 @@ from ..results.motion import Motion
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..state import Layout, State
+from ..tolerance import NEGLIGIBLE
 from .still import place
 
 if TYPE_CHECKING:
@@ -30,10 +31,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 Goal = tuple[str, str, int, int, tuple[float, ...]]
-
-NO_RATE = 1e-9
-"""Ratios below this are zero. Scale: fraction of the largest ratio of the joint, or of one. Reason: far above rounding;
-the position in which they vanish is located from its neighbours."""
 
 
 class KinematicSource(ModelSource):
@@ -56,15 +53,6 @@ class KinematicSource(ModelSource):
     @property
     def reactions(self) -> Mapping[str, NDArray[Any]]:  # type: ignore[override]  # there are none to be cached
         self._refuse()
-
-    def axes_of(self, j: int) -> FloatArray:
-        """(n, 3): axis of joint j in the world."""
-        t, q, _ = self._motion
-        nothing = np.zeros((len(t), self._model.nv)), np.zeros((len(t), self._model.nv))
-        rows = np.zeros((len(t), int(self._summary.get("rows", 0))))
-        # the axes of a joint depend on the position alone
-        found: FloatArray = self._model.reaction(t, q, *nothing, rows, j)["joint_rotation"][:, :, 2]
-        return found
 
     def __reduce__(self) -> NoReturn:
         raise TypeError("a kinematic study needs its model and cannot be pickled; store to_xarray() or to_pandas()")
@@ -242,14 +230,14 @@ class Kinematics(Motion):
         driver = study.goals[0] if by is None else self._one("by", by)
         which = [k for k, goal in enumerate(study.goals) if goal[1:] == driver[1:]]
         if which:
-            return self._rate(moved, np.ascontiguousarray(study.ratios[:, which[0]]))
+            return self._rate(moved, study.ratios[:, which[0]])
         if len(study.goals) > 1:
             raise ArgumentError(
                 f"ratio: {driver[0]!r} is none of the {len(study.goals)} goals "
                 f"({', '.join(goal[0] for goal in study.goals)}), of which the others are held",
                 argument="by",
             )
-        alone = np.ascontiguousarray(study.ratios[:, 0])
+        alone = study.ratios[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(self._rate(moved, alone) / self._rate(driver, alone))
 
@@ -294,7 +282,7 @@ class Kinematics(Motion):
                 f"coupler to the output link; {found}",
                 argument="coupler",
             )
-        end, axis = self.joint(common[0]).point, self._source.axes_of(numbers[1])
+        end, axis = self.joint(common[0]).point, self._axis(numbers[1])
         push = self.joint(first["name"]).point - end
         along = push / np.linalg.norm(push, axis=1, keepdims=True)
         beside = np.einsum("ij,ij->i", along, axis)
@@ -306,6 +294,14 @@ class Kinematics(Motion):
         arm /= np.linalg.norm(arm, axis=1, keepdims=True)
         inward, across = np.einsum("ij,ij->i", along, arm), np.einsum("ij,ij->i", along, np.cross(axis, arm))
         return np.asarray(np.arctan2(np.abs(across), np.copysign(np.hypot(inward, beside), inward)))
+
+    def _axis(self, j: int) -> FloatArray:
+        """(n, 3): axis of joint j in the world."""
+        core, n = self._study.core, len(self)
+        rest = core.motion(self.t, self.q, *np.zeros((2, n, core.nv)), np.zeros((n, core.rows)))
+        # the axes of a joint depend on the position alone
+        found: FloatArray = rest.reaction(j)["joint_rotation"][:, :, 2]
+        return found
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
@@ -359,11 +355,11 @@ class Kinematics(Motion):
         study, last = self._study, len(self) - 1
         if last < 1 or any(goal[1:] == other[1:] for other in study.goals):
             return []
-        alone = [self._rate(goal, np.ascontiguousarray(study.ratios[:, k])) for k in range(len(study.goals))]
+        alone = [self._rate(goal, study.ratios[:, k]) for k in range(len(study.goals))]
         rates, step = np.stack(alone, axis=1), np.diff(study.values, axis=0)
         before, after = np.sum(rates[:-1] * step, axis=1), np.sum(rates[1:] * step, axis=1)
         size = np.abs(np.concatenate([before, after, step.ravel()]))
-        zero = NO_RATE * np.max(size[np.isfinite(size)], initial=0.0)
+        zero = NEGLIGIBLE * np.max(size[np.isfinite(size)], initial=0.0)
         with np.errstate(invalid="ignore"):
             turns = (np.abs(before) > zero) & (np.abs(after) > zero) & (before * after < 0.0)
             still = np.append(np.abs(before), np.abs(after[-1])) <= zero
@@ -396,7 +392,7 @@ class Kinematics(Motion):
         if goal[1] == "own":
             return float(q[goal[2]])
         motion = np.array([study.near.t]), q[None], np.zeros((1, study.core.nv))
-        return float(study.core.joints(*motion, [goal[2]])["joint_position"][0, goal[3]])
+        return float(study.core.motion(*motion).joints([goal[2]])["joint_position"][0, goal[3]])
 
     def _one(self, what: str, key: Any) -> Goal:
         goals = self._study.resolve(what, key)
@@ -412,14 +408,14 @@ class Kinematics(Motion):
         label, kind, i, part, numbers = goal
         core, t = self._study.core, self.t
         if kind == "point":
-            seen = core.bodies(t, self.q, v, [i])
+            seen = core.motion(t, self.q, v).bodies([i])
             arm = seen["body_rotation"][:, 0] @ np.array(numbers)
             moved = seen["body_velocity"][:, 0] + np.cross(seen["body_angular_velocity"][:, 0], arm)
             return np.asarray(moved[:, part])
         if kind == "joint":
             joint = self.summary["joints"][i]
             if joint["q"][1] == joint["v"][1] or part < joint["v"][1] - 3:
-                return np.asarray(core.joints(t, self.q, v, [i])["joint_velocity"][:, part])
+                return np.asarray(core.motion(t, self.q, v).joints([i])["joint_velocity"][:, part])
         elif label in self.names.velocities:
             return np.asarray(v[:, self.names.velocities.index(label)])
         raise ArgumentError(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..notebook import table
+from ..tolerance import EQUAL, EQUAL_IN_SIX_DIGITS, LEAST_DIVISOR
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,8 +23,6 @@ COMPARED = 20_000
 """Up to this many sets all are computed; of more only the best are found, and the others excluded by bounds."""
 RANKED = 10
 """Sets that are found then."""
-SAME = 1e-9
-"""Worst margins that differ by less, relatively, are equal."""
 
 
 @dataclass(frozen=True)
@@ -135,13 +134,13 @@ def order(found: tuple[tuple[int, ...], FloatArray]) -> tuple[float, float, tupl
     """The worst margin first, equal ones by the mean of the logarithms."""
     which, margins = found
     worst = float(margins.min())
-    step = np.log(max(worst, 1e-300)) / SAME
+    step = np.log(max(worst, LEAST_DIVISOR)) / EQUAL
     return -round(step), -typical(margins), which
 
 
 def typical(margins: FloatArray) -> float:
     """The geometric mean."""
-    return float(np.exp(np.log(np.maximum(margins, 1e-300)).mean()))
+    return float(np.exp(np.log(np.maximum(margins, LEAST_DIVISOR)).mean()))
 
 
 def _bounded(scaled: FloatArray, count: int, k: int) -> list[tuple[tuple[int, ...], FloatArray]]:
@@ -185,15 +184,11 @@ def apart(readings: Sequence[FloatArray], positions: Sequence[FloatArray], turns
     pairs = []
     for one, two in itertools.combinations(range(len(readings)), 2):
         both = np.isfinite(readings[one]).all(axis=1) & np.isfinite(readings[two]).all(axis=1)
-        differ = np.abs(positions[one] - positions[two]).max(axis=1) > DIFFERENT
+        differ = np.abs(positions[one] - positions[two]).max(axis=1) > EQUAL_IN_SIX_DIGITS
         change = (readings[one] - readings[two])[both & differ]
         wrapped = np.where(turns, change - 2.0 * np.pi * np.round(change / (2.0 * np.pi)), change)
         pairs.append(np.abs(wrapped))
     return np.vstack([np.empty((0, len(turns))), *pairs])
-
-
-DIFFERENT = 1e-6
-"""Positions that differ by less are one assembly [lengths of the mechanism]."""
 
 
 def separation(distances: FloatArray, which: Sequence[int]) -> float:

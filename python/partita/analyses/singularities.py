@@ -90,7 +90,7 @@ def body_at(model: CompiledModel, t: float, q: FloatArray, name: Any) -> BodyRes
     """Motion of a body at rest in the rows of q."""
     bodies = [body["name"] for body in model.summary["bodies"]]
     i = index_of(str(name), bodies, "body")
-    found = model.core.bodies(np.full(len(q), t), q, np.zeros((len(q), model.core.nv)), [i])
+    found = model.core.motion(np.full(len(q), t), q, np.zeros((len(q), model.core.nv))).bodies([i])
     return BodyResult(
         str(name),
         np.asarray(found["body_position"])[:, 0],
@@ -103,7 +103,7 @@ def body_at(model: CompiledModel, t: float, q: FloatArray, name: Any) -> BodyRes
 def joint_at(model: CompiledModel, t: float, q: FloatArray, name: Any) -> FloatArray:
     """Coordinates of a joint in the rows of q."""
     i = index_of(str(name), [joint["name"] for joint in model.summary["joints"]], "joint")
-    found = model.core.joints(np.full(len(q), t), q, np.zeros((len(q), model.core.nv)), [i])
+    found = model.core.motion(np.full(len(q), t), q, np.zeros((len(q), model.core.nv))).joints([i])
     values: FloatArray = np.asarray(found["joint_position"])
     return values[:, 0] if values.shape[1] == 1 else values
 

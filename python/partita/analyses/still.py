@@ -38,7 +38,8 @@ def run_of(
     account = account_of(model.sensors, summary)
     if account:
         summary["sensors"] = account
-    source = ModelSource(model.core if core is None else core, arrays, summary)
+    core = model.core if core is None else core
+    source = ModelSource(core, core.motion(t, q, v, vdot, multipliers), summary)
     record = Record(arrays=arrays, summary=summary, description=model.description)
     return cls(record, source, LiveSensors(model.sensors, source, account))
 

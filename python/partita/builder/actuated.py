@@ -92,7 +92,7 @@ class Actuated:
         held; (k,) where the joint has one degree of freedom, else (degrees of freedom, k)."""
         joints = self._model.summary["joints"]
         j = index_of(str(joint), [each["name"] for each in joints], "joint")
-        found = np.asarray(self._model.core.joints(*self._columns(), [j])["joint_velocity"]).T
+        found = np.asarray(self._columns().joints([j])["joint_velocity"]).T
         return found[0] if len(found) == 1 else found
 
     def jacobian(self, of: Any) -> FloatArray:
@@ -117,16 +117,16 @@ class Actuated:
                 f"jacobian: the point of {str(body)!r} must be three finite numbers in body axes, not {shown(point)}",
                 argument="of",
             )
-        found: Mapping[str, FloatArray] = self._model.core.bodies(*self._columns(), [i])
+        found: Mapping[str, FloatArray] = self._columns().bodies([i])
         spin = found["body_angular_velocity"][:, 0]
         return np.concatenate(
             [(found["body_velocity"][:, 0] + np.cross(spin, found["body_rotation"][:, 0] @ arm)).T, spin.T]
         )
 
-    def _columns(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _columns(self) -> Any:
         """A motion with a unit rate of each actuator."""
         k = len(self.actuators)
-        return np.full(k, self.state.t), np.tile(self.state.q, (k, 1)), np.ascontiguousarray(self.ratios.T)
+        return self._model.core.motion(np.full(k, self.state.t), np.tile(self.state.q, (k, 1)), self.ratios.T)
 
     def __repr__(self) -> str:
         words = ", ".join(f"{name} {x:.4g}" for name, x in zip(self.actuators, self.reflected, strict=True))

@@ -21,7 +21,8 @@ from ..units.door import SI, QuantityError, bare, in_si
 
 Array = NDArray[np.float64]
 LARGEST = 1e60
-"""Products of five numbers of a description stay finite."""
+"""Numbers of a description beyond this are typing errors. Scale: SI units. Reason: products of five such numbers stay
+finite."""
 
 
 @dataclass(frozen=True)

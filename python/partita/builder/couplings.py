@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..tolerance import EQUAL
 from ..units import Quantity
 from .bodies import resolve
 from .checks import Element, choice, direction, name_of, number, numbers, switch, takes
@@ -31,7 +32,6 @@ from .values import Function, is_table, table
 
 MOST = 12
 """Maximum number of arguments of a function."""
-_PERIOD_CLOSES = 1e-9
 
 
 def add_coupler(
@@ -269,7 +269,7 @@ def add_cam(
     curve = table(element, "law", (law[0], law[1]), "periodic" if repeats else "spline", (leads, follows))
     if repeats:
         gap = abs(float(curve.values[-1] - curve.values[0]))
-        if gap > _PERIOD_CLOSES * max(1e-300, float(np.abs(curve.values).max())):
+        if gap > EQUAL * float(np.abs(curve.values).max()):
             element.fail(
                 f"a periodic law must end where it begins: y is {curve.values[0]:g} first, {curve.values[-1]:g} last; "
                 "for a follower that goes on at each turn give a table over all turns, without periodic"
@@ -324,8 +324,8 @@ def add_point_on_curve(
         element.fail("a polar curve is a table (angles, radii)")
     outline = table(element, "curve", (curve[0], curve[1]), "spline", ("rad", "m"))
     span = float(outline.times[-1] - outline.times[0])
-    closes = abs(float(outline.values[-1] - outline.values[0])) <= 1e-9 * float(np.abs(outline.values).max())
-    if abs(span - 2.0 * math.pi) > 1e-9 or not closes:
+    closes = abs(float(outline.values[-1] - outline.values[0])) <= EQUAL * float(np.abs(outline.values).max())
+    if abs(span - math.tau) > EQUAL or not closes:
         element.fail(
             f"a polar curve closes after a whole turn: angles span {span:g} rad, radii begin with "
             f"{outline.values[0]:g} and end with {outline.values[-1]:g} m"

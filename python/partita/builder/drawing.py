@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .checks import name_of, number
-from .records import GROUND, LARGEST_DRAWING_TOLERANCE, Body, Description
+from .records import GROUND, LARGEST_TOLERANCE, Body, Description
 from .vectors import field
 
 
@@ -16,10 +16,10 @@ class Drawing:
         element = name_of("mechanism", name)
         constant, changing = field(element, gravity)
         tolerance = number(element, "drawing_tolerance", drawing_tolerance, least=0.0)
-        if tolerance > LARGEST_DRAWING_TOLERANCE:
+        if tolerance > LARGEST_TOLERANCE:
             element.fail(
                 f"drawing_tolerance is {tolerance:g} (radians, and fractions of lengths); beyond "
-                f"{LARGEST_DRAWING_TOLERANCE:g} the drawing describes another mechanism"
+                f"{LARGEST_TOLERANCE:g} the drawing describes another mechanism"
             )
         self._description = Description(element.name, constant, changing, tolerance)
         self._ground = Body(GROUND, self)

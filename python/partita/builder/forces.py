@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..products import norm
+from ..tolerance import EQUAL
 from ..units import Quantity
 from . import callbacks
 from .bodies import resolve, to_world
@@ -210,7 +211,7 @@ def add_torque(
         if not isinstance(record.value, Table):
             element.fail("over= belongs to a table (x, values); a function can read the state itself")
         ends = record.value.values[[0, -1]]
-        if record.periodic and abs(ends[1] - ends[0]) > 1e-9 * max(1e-300, float(np.abs(record.value.values).max())):
+        if record.periodic and abs(ends[1] - ends[0]) > EQUAL * float(np.abs(record.value.values).max()):
             element.fail(f"a periodic table must end where it begins: {ends[0]:g} first, {ends[1]:g} last")
     return store(self, record)
 

@@ -8,17 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..products import det, matmul, nearest_rotation, norm
+from ..tolerance import EQUAL, EQUAL_IN_SIX_DIGITS, NEARLY_ALONG, SUM_ROUNDING
 from .checks import Array, Element, matrix, shape_of, vector
-
-# A matrix with ten digits passes; one with six does not: it would silently change every length by 1e-6.
-ORTHONORMAL = 1e-9
-# Below this a matrix is a rotation to round-off and is left untouched, so that saving and loading repeats it
-# exactly.
-ROUND_OFF = 1e-14
-# Published inertias carry about seven digits, and thin rods and flat plates lie exactly on the bounds.
-INERTIA = 1e-6
-# A direction this nearly (cosine) along an axis does not define the direction across it: 26 degrees.
-NEARLY_ALONG = 0.9
 
 
 def transform() -> Any:
@@ -68,15 +59,15 @@ def _from_quaternion(element: Element, what: str, quaternion: Array) -> Array:
 def _orthonormal(element: Element, what: str, rows: Array) -> Array:
     """Refuse a matrix that is not a rotation; remove round-off by the polar decomposition."""
     error = float(np.max(np.abs(matmul(rows.T, rows) - np.eye(3))))
-    if error > ORTHONORMAL:
+    if error > EQUAL:
         element.fail(
             f"{what} is not a rotation: its columns are not orthonormal, by {error:.1e} (allowed "
-            f"{ORTHONORMAL:.0e}); "
+            f"{EQUAL:.0e}); "
             "give more digits, or a quaternion"
         )
     if det(rows) < 0.0:
         element.fail(f"{what} is a reflection (determinant -1), not a rotation; change the sign of one column")
-    if error <= ROUND_OFF:
+    if error <= SUM_ROUNDING:
         return rows
     return nearest_rotation(rows)
 
@@ -124,7 +115,7 @@ def inertia(element: Element, value: Any) -> Array:
         element.fail(f"inertia must be (Ixx, Iyy, Izz) or a 3x3 matrix, not shape {shape_of(value)}")
     size = float(np.max(np.abs(tensor)))
     skew = float(np.max(np.abs(tensor - tensor.T)))
-    if skew > INERTIA * size:
+    if skew > EQUAL_IN_SIX_DIGITS * size:
         element.fail(
             f"inertia is not symmetric: entries across the diagonal differ by {skew:.3g}; each product of inertia "
             f"must appear with the same sign on both sides"
@@ -132,9 +123,9 @@ def inertia(element: Element, value: Any) -> Array:
     tensor = 0.5 * tensor + 0.5 * tensor.T
     unit = size if size > 0.0 else 1.0  # numbers near the ends of their range have squares beyond it
     small, middle, large = (unit * float(value) for value in np.linalg.eigvalsh(tensor / unit))
-    if small < -INERTIA * size:
+    if small < -EQUAL_IN_SIX_DIGITS * size:
         element.fail(f"inertia has the principal value {small:.6g}; moments of inertia are not negative")
-    if small + middle < large - INERTIA * size:
+    if small + middle < large - EQUAL_IN_SIX_DIGITS * size:
         element.fail(
             f"inertia has the principal values {small:.6g}, {middle:.6g}, {large:.6g}: no body has one "
             "that exceeds the sum of "

@@ -14,8 +14,8 @@ from .measures import measure_unit, valued
 from .records import GROUND, CouplingRecord, Description, JointRecord
 
 FAR = 0.1
-"""With a gap of this size a mechanism starts elsewhere than it was drawn. Scale: fraction of the size of the
-drawing, or radians."""
+"""With a larger gap a mechanism starts elsewhere than it was drawn. Scale: fraction of the size of the drawing;
+radians. Reason: a tenth is seen."""
 
 
 class Unmet(NamedTuple):

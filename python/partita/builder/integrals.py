@@ -16,13 +16,16 @@ from .values import Constant, Cubics, Function, Table, Value
 _PANEL = 0.125
 """Length of the pieces [s] whose integrals are kept: long against an evaluation, short against a run."""
 _EXACT = 1e-15
-"""Error of a cell, relative to the integral of the largest value over its panel: round-off."""
-_SHORTEST = 2.0**-44
-"""Length of the cell around a jump, as a fraction of its panel: its contribution is round-off."""
+"""Error of a cell that is exact. Scale: fraction of the integral of the largest value over its panel. Reason: some
+units in the last place."""
+_SHORTEST_CELL = 2.0**-44
+"""Cells around a jump are not halved below this. Scale: fraction of their panel. Reason: their contribution is
+rounding."""
 _CELLS = 4000
 """Cells of a panel: enough for forty jumps. A function that needs more is rough everywhere."""
 _TABLE = 1e-9
-"""Error of the acceleration of a smooth table, relative to its largest value: that to which `partita.table` samples."""
+"""Error of the acceleration of a smooth table. Scale: fraction of its largest value. Reason: that to which
+`partita.table` samples."""
 _RULES = tuple((0.5 * (1.0 + x), 0.5 * w) for x, w in map(np.polynomial.legendre.leggauss, (12, 8)))
 """Nodes and weights on (0, 1) of Gauss's rules of twelve and of eight nodes."""
 _KEPT = 32
@@ -158,7 +161,7 @@ class _Panel:
             # times are rounded, and the function with them
             rounding = float(np.finfo(float).eps) * abs(begin) * float(np.ptp(values[0]))
             allowed = _EXACT * self.size * abs(self.length) + rounding
-            exact = not error > allowed or abs(length) < _SHORTEST * abs(self.length)
+            exact = not error > allowed or abs(length) < _SHORTEST_CELL * abs(self.length)
             reached = np.polynomial.legendre.legint(series, scl=0.5, lbnd=-1)
             found = self.cells[begin, length] = _Cell(length * fine, exact, reached)
         return found

@@ -35,8 +35,9 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 CUTS = ("auto", "always", "never")
 CHOSEN = ("generic", "custom")
 """Kinds whose directions are chosen."""
-# Below this sine two axes count as parallel, and their rotations cannot be distinguished.
-_PARALLEL = 2e-3
+AXES_CROSS = 2e-3
+"""Axes that cross at less are parallel. Scale: sine of the angle. Reason: a tenth of a degree; their rotations cannot
+be distinguished."""
 # Along and about the joint's axes x, y, z, its one axis along z; r1 and r2 are rotations about axes of its own.
 _MOTIONS: dict[str, tuple[str, ...]] = {
     "revolute": ("rz",),
@@ -200,7 +201,7 @@ def add_universal(
     element = joint_element(self, name)
     first, second = direction(element, "axis1", axis1), direction(element, "axis2", axis2)
     sine = norm(np.cross(first, second)) / float(norm(first) * norm(second))
-    if sine < _PARALLEL:
+    if sine < AXES_CROSS:
         element.fail(
             f"axis1 {first.tolist()} and axis2 {second.tolist()} are parallel; a universal joint needs two axes at "
             "an angle, ideally a right angle"

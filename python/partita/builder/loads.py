@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..products import matmul
+from ..tolerance import SUM_ROUNDING
 from . import frames
 from .bodies import resolve, to_world
 from .checks import Array, Element, matrix, name_of, shape_of, vector
@@ -110,9 +111,8 @@ def _six(element: Element, what: str, value: Any, units: list[list[str]]) -> Arr
         element.fail(f"{what} must be six numbers or a 6x6 matrix, not of shape {shape_of(value)}")
     full = matrix(element, what, value, units, 6)
     # symmetric up to the round-off of a product: as intended
-    return (
-        0.5 * (full + full.T) if np.allclose(full, full.T, rtol=0.0, atol=1e-14 * float(np.max(np.abs(full)))) else full
-    )
+    intended = np.allclose(full, full.T, rtol=0.0, atol=SUM_ROUNDING * float(np.max(np.abs(full))))
+    return 0.5 * (full + full.T) if intended else full
 
 
 STIFFNESS = [[f"{a}{b}" for b in ["/m"] * 3 + ["/rad"] * 3] for a in ["N"] * 3 + ["N m"] * 3]

@@ -85,7 +85,9 @@ class Cosine:
 
 Measure = Coordinate | Distance | Along | Cosine
 Spec = dict[str, Any]
-_ROUND_OFF = 1e-15
+_UNIT_LENGTH = 1e-15
+"""A direction whose length differs from one by less is a unit vector. Scale: 1. Reason: some units in the last place,
+which a division would change."""
 
 
 def measure(mechanism: Drawing, element: Element, value: Any) -> Spec:
@@ -152,7 +154,7 @@ def measure_unit(description: Description, spec: Mapping[str, Any]) -> str:
 def unit_vector(axis: Array) -> Array:
     """`axis` with length 1. One that has it to round-off is unchanged, so that repeating the call changes no bit."""
     length = float(norm(axis))
-    return axis if abs(length - 1.0) <= _ROUND_OFF else np.asarray(axis / length)
+    return axis if abs(length - 1.0) <= _UNIT_LENGTH else np.asarray(axis / length)
 
 
 def _ends(mechanism: Drawing, element: Element, values: dict[str, Any]) -> Spec:

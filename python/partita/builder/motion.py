@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import EvaluationError, PartitaError
 from ..state import Layout
+from ..tolerance import LEAST_DIVISOR, LONG_ROUNDING
 from .checks import Element, takes
 from .pieces import Pieces, Refusals
 from .taylor import Jet
@@ -26,20 +27,31 @@ _STEPS = tuple(0.0977 / 8.0**power for power in range(5, -1, -1))
 # Seventh and eighth differences over neighbours, and their response to unit noise.
 _SEVENTH, _SEVENTH_OF_NOISE = (-1.0, 7.0, -21.0, 35.0, -35.0, 21.0, -7.0, 1.0), 58.6
 _EIGHTH, _EIGHTH_OF_NOISE = (1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.0), 113.4
-# Growth of these from a step to the next, eight times as long, in the mean over two: scatter does not grow, around a
-# kink they grow eightfold, where a second derivative jumps by 64.
-_STEADY, _KINK = 4.0, 22.0
+_STEADY = 4.0
+"""High differences that grow by less scatter. Scale: factor from a step to one eight times as long, in the mean over
+two. Reason: scatter does not grow, around a kink they grow eightfold."""
+_KINK = 22.0
+"""High differences that grow by less are those of a kink. Scale: as for `_STEADY`. Reason: between eight, and 64
+where a second derivative jumps."""
 # Coarser steps include more than the neighbourhood of t.
 _FINE = 3
-# Fractions of the function: beyond the first, derivatives lose the digits that a run needs; a kink of 1e-5 per second
-# comes to the second at the finest step.
-_ROUGH, _BROKEN = 1e-9, 1e-11
-# Larger values at two steps indicate a fast oscillation sampled with steps as long as its period.
+_ROUGH = 1e-9
+"""With more scatter derivatives lose the digits that a run needs. Scale: fraction of the function. Reason: second
+differences multiply it by a million."""
+_BROKEN = 1e-11
+"""Smaller differences next to t are no kink. Scale: fraction of the function. Reason: a kink of 1e-5 per second comes
+to this at the finest step."""
 _NOISE = 1e-4
+"""Larger differences at two steps are a fast oscillation, sampled with steps as long as its period. Scale: fraction
+of the function. Reason: far above scatter."""
 # Times at which a function is tested when it is given; the second avoids zeros of functions at round times.
 _PROBES = (0.0, 0.7310585786)
-# A derivative given with five digits belongs to its function; with a larger difference it belongs to another.
-_ANOTHER = 1e-4
+_ERRORS = 10.0
+"""An estimated error may be exceeded by this. Scale: multiples of the estimate. Reason: it is a difference of two
+orders, right in its first digit."""
+ANOTHER = 1e-4
+"""A derivative or a gradient that differs by more belongs to another function. Scale: fraction of its size. Reason:
+it is given with five digits."""
 
 
 class Motion:
@@ -89,7 +101,7 @@ class Motion:
         middle = 0.5 * (breaks[0] + breaks[1])
         expected = float(np.polyval(coefficients[0], middle - breaks[0]))
         # another class may give these two names another meaning
-        same = bool(np.isclose(self._plain(self.position, middle), expected, rtol=1e-12, atol=1e-300))
+        same = bool(np.isclose(self._plain(self.position, middle), expected, rtol=LONG_ROUNDING, atol=LEAST_DIVISOR))
         return Cubics(breaks, coefficients) if same else None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -157,7 +169,7 @@ class Motion:
                 continue
         size = max((abs(x) for _, slope, given, _ in seen for x in (slope, given)), default=0.0)
         for t, slope, given, error in seen:
-            if abs(given - slope) > _ANOTHER * size + 10.0 * error:
+            if abs(given - slope) > ANOTHER * size + _ERRORS * error:
                 self.element.fail(
                     f"at t = {t:g} s the {what} given is {given:g}, but the derivative of the function is {slope:g}; "
                     f"omit the {what}, and it is computed exactly"
@@ -307,7 +319,7 @@ class _Best:
         """A result of order 8, the one of order 6 with the same step, and the round-off in them."""
         error = abs(high - low) + noise
         first = not np.isfinite(self.error)
-        self._closed = self._closed or not (first or abs(high - self.value) <= 10.0 * (self.error + error))
+        self._closed = self._closed or not (first or abs(high - self.value) <= _ERRORS * (self.error + error))
         if not self._closed and (first or error < self.error):
             self.value, self.error = high, error
 

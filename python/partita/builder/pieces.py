@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..tolerance import ROUNDING
 from .checks import Array
 
 Sampled = Callable[[float], Array]
@@ -24,21 +25,21 @@ FEW, MANY = 8, 16
 _TAIL = {FEW: 3, MANY: 4}
 """Highest coefficients that must vanish in the noise."""
 _HOPE = 1e-5
-"""The tail of a smooth function falls at least as its square from the first degree to the second. With a larger part of
-the function in it, values for the second would be lost."""
-ROUNDING = 4.0 * float(np.finfo(float).eps)
-"""Round-off of a value, as a fraction of it."""
+"""With a larger tail at the first degree values for the second would be lost. Scale: fraction of the function.
+Reason: the tail of a smooth function falls at least as its square from the first degree to the second."""
 _OF_TIME = 0.25
 """The part of it that a function has in its argument."""
 _LEAST = 1.0 / 16.0
 """The part of it that the coefficients have at least."""
 _FALLS = 6.0
-"""The tail of a smooth function falls by 2^8 from a piece to its half, that of a jump of the second derivative by 4;
-noise does not fall."""
+"""A tail that falls by less from a piece to its half is that of a jump, or noise. Scale: factor. Reason: that of a
+smooth function falls by 2^8, that of a jump of the second derivative by 4, noise not at all."""
 _NOISE_OF = 4.0
-"""Coefficients and values of noise lie within that many of its measured sizes."""
+"""Coefficients and values beyond this are no noise. Scale: multiples of its measured size. Reason: four
+deviations."""
 NOISIEST = 1e-9
-"""Beyond this fraction of a function derivatives lose the digits that a run needs."""
+"""With more noise derivatives lose the digits that a run needs. Scale: fraction of a function. Reason: as for
+`_ROUGH` in `motion`."""
 _AGAIN = 3
 """Halvings until noise is measured anew."""
 _WINDOWS = (0.03, 0.43, 0.91)
@@ -47,19 +48,25 @@ _WINDOW = 0.0391
 """Length of each: smooth functions have no eighth difference there."""
 _EIGHTH, _EIGHTH_OF_NOISE = np.array([1.0, -8.0, 28.0, -56.0, 70.0, -56.0, 28.0, -8.0, 1.0]), 113.4
 _ACCEPTED = 8.0
-"""A value that deviates from a polynomial by more of its noise is none of its values: something is between samples."""
+"""A value that deviates from a polynomial by more is none of its values. Scale: multiples of its noise. Reason: twice
+what noise does; something is between samples."""
 SHORTEST = 2.0**-19
-"""Pieces shorter than this [s] have no digits left in their second derivatives."""
+"""Shorter pieces have no digits left in their second derivatives. Scale: s. Reason: two microseconds, whose square
+times the largest derivative is rounding."""
 _DIGITS = 1e6
-"""Nor those in which so few different times lie."""
+"""Pieces in which fewer times lie are not halved. Scale: multiples of the rounding of time. Reason: six digits of
+time in a piece."""
 _CHAIN = 16
 """Halvings in search of a break until a smooth piece beyond it must have begun."""
 _PARTS = 32
 """Parts of a first interval: an eighth of a second at first."""
 _NEAR = (0.5, 0.1, 0.02)
 """Lengths of the pieces next to a break, as fractions of those from which it was found: the first that are smooth."""
-_PASSES, _NARROWER = 3, 1e-3
-"""Searches with such pieces, as long as each narrows the place that much: continued less far, they see more."""
+_PASSES = 3
+"""Number of such searches."""
+_NARROWER = 1e-3
+"""Searches with short pieces go on while each narrows the place of a break by this. Scale: fraction of its width.
+Reason: continued less far, they see more."""
 _KEPT = 4096
 """Pieces that are kept; beyond, all are found anew when they are asked for."""
 
@@ -174,7 +181,7 @@ class Pieces:
 
     def _part(self, piece: Piece, t: float) -> Piece | None:
         """The part of a piece that contains t."""
-        if piece.end - piece.begin < 2.0 * max(SHORTEST, _DIGITS * ROUNDING * abs(t)):
+        if piece.end - piece.begin < 2 * max(SHORTEST, _DIGITS * ROUNDING * abs(t)):
             return None
         if piece.split is None:
             piece.split = self._split(piece)

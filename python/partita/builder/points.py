@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..products import matmul, norm
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .bodies import to_world
 from .checks import Array, Element, vector
 from .drawing import Drawing
 from .records import GROUND, BodyRecord, Description, ForceRecord, LoadRecord, Point, SpringRecord
 
 OUTSIDE = 0.25
-"""A point farther from its body than this fraction of the body's extent lies outside of it."""
-WITHIN = 1e-6
-"""A point nearer to a body than this fraction of the mechanism lies on it: drawings have four to six digits."""
+"""A point farther from its body lies outside of it. Scale: fraction of the body's extent. Reason: pins stand out by
+less."""
 
 
 def point_on(mechanism: Drawing, element: Element, what: str, value: Any, body: str) -> Array:
@@ -64,12 +64,12 @@ def misplaced(d: Description) -> list[str]:
             continue
         record = d.bodies[given.body]
         other = matmul(record.rotation.T, given.point - record.position)
-        if max(abs(x) for x in (other - given.point).tolist()) <= WITHIN * size:
+        if max(abs(x) for x in (other - given.point).tolist()) <= EQUAL_IN_SIX_DIGITS * size:
             continue
         if given.body not in extents:
             extents[given.body] = _extent(record, joints.get(given.body, ()))
         low, high = extents[given.body]
-        inside = WITHIN * size
+        inside = EQUAL_IN_SIX_DIGITS * size
         if _away(given.point, low, high) > OUTSIDE * float(norm(high - low)) + inside and (
             _away(other, low, high) <= inside
         ):

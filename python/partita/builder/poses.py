@@ -13,8 +13,9 @@ from ..errors import EvaluationError
 from ..numeric import floats, shown
 from ..products import det, matmul, norm
 from ..state import Layout
+from ..tolerance import EQUAL
 from .checks import Array, Element, shape_of, takes, vector
-from .frames import ORTHONORMAL, as_pair, is_rotation, rotation, transform
+from .frames import as_pair, is_rotation, rotation, transform
 from .motion import RoughError, differences
 from .pieces import Pieces, Refusals
 from .taylor import Jet
@@ -22,9 +23,14 @@ from .travelling import check_picklable
 from .values import BY_DEFAULT, Constant, Cubics, Curve, Function, Table, finite, one_number, table
 
 _HALF_TURN = math.pi * (1.0 - 1e-6)
-"""Between rows of a table further apart the direction of rotation is ambiguous."""
+"""Between rows of a table farther apart the direction of rotation is ambiguous. Scale: rad. Reason: half a turn, but
+for six digits."""
+_SHORT = 1e-2
+"""A cotangent is replaced by its series below this. Scale: half an angle. Reason: the remainder is below rounding,
+which the quotient multiplies by ten thousand."""
 _SERIES = 0.1
-"""Squares of half an angle below this are computed by series, whose remainder is below round-off."""
+"""Quotients are computed by series below this. Scale: square of half an angle. Reason: the remainder is below
+rounding."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +126,7 @@ def _vector_rate(vector: Array, spin: Array) -> Array:
     angle = float(norm(vector))
     half = 0.5 * angle
     # (1 - half cot half) / angle^2, by its series near zero
-    factor = (1.0 - half / math.tan(half)) / angle**2 if half > 1e-2 else (1.0 + half**2 / 15.0) / 12.0
+    factor = (1.0 - half / math.tan(half)) / angle**2 if half > _SHORT else (1.0 + half**2 / 15.0) / 12.0
     across = np.cross(vector, spin)
     return np.asarray(spin + 0.5 * across + factor * np.cross(vector, across), dtype=float)
 
@@ -422,7 +428,7 @@ class Pose:
 
     def _matrix(self, matrix: Array, t: float) -> Array:
         off = float(np.abs(matmul(matrix.T, matrix) - np.eye(3)).max())
-        if not off <= ORTHONORMAL or det(matrix) < 0.0:
+        if not off <= EQUAL or det(matrix) < 0.0:
             what = f"a matrix that is not a rotation (its columns deviate from orthonormal by {off:.1e})"
             raise self._misshaped(t, what)
         return matrix

@@ -10,6 +10,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ..tolerance import EQUAL
 from ..units import Quantity
 from . import frames
 from .checks import Element, choice, direction, number, takes
@@ -18,9 +19,6 @@ from .joints import DIRECTIONS, BodyLike, directions, joint_element, store_joint
 from .records import Joint
 from .relations import Follows, Law
 from .values import Function
-
-# Allowed deviation from zero of functions of a joint as drawn (m, rad): round-off of their terms.
-_DRAWN = 1e-9
 
 
 def add_screw(
@@ -139,7 +137,7 @@ def _follower(element: Element, direction: str, function: Any, count: int) -> La
     takes(element, f"the function of {direction}", function, f"the free coordinates, {count} of them", count)
     law = Law(element, Follows(function), None)
     value = law(0.0, [0.0] * (1 + count), [0.0] * (1 + count))[0]
-    if abs(value) > _DRAWN:
+    if abs(value) > EQUAL:
         element.fail(f"{direction} is {-value:g} where the free coordinates are 0, as drawn; it must be 0 there")
     return law
 

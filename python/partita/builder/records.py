@@ -291,9 +291,10 @@ class ForceRecord:
 
 
 DRAWING_TOLERANCE = 1e-4
-"""Default drawing tolerance (rad, fractions of lengths): four decimals, as drawings have."""
-LARGEST_DRAWING_TOLERANCE = 1e-2
-"""With a larger difference it is another mechanism."""
+"""Default drawing tolerance. Scale: rad; fraction of lengths. Reason: four decimals, as drawings have."""
+LARGEST_TOLERANCE = 1e-2
+"""With a larger difference it is another mechanism. Scale: rad; fraction of lengths. Reason: a hundredth is a
+dimension."""
 
 
 @dataclass(frozen=True)

@@ -10,19 +10,22 @@ import numpy as np
 from ..errors import EvaluationError
 from ..state import Layout
 from .checks import Element
-from .motion import RoughError, differences
+from .motion import ANOTHER, RoughError, differences
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import finite, one_number
 
 _SMOOTH = 1e-3
-"""A smooth function's slope changes over this much of its argument by no more than ten times itself."""
-_ROUND_OFF = 1e-6
-"""Curvatures with a smaller error relative to the other slopes are as accurate as differences of order 8 can be."""
+"""Length over which a smooth function's slope hardly changes. Scale: unit of its argument. Reason: what changes
+within a thousandth of a radian or a metre is a corner to a run."""
+_STEEPER = 10.0
+"""A slope that changes by more is not smooth. Scale: multiples of itself. Reason: over `_SMOOTH` that of a smooth
+function changes by a part of it."""
+_CURVATURE = 1e-6
+"""Curvatures whose error is smaller are as accurate as differences of order 8. Scale: fraction of the other slopes.
+Reason: their rounding over the square of the step."""
 _BESIDE = (0.0, 0.1310585786)
 """Where a gradient is compared with its function: as drawn, and away from the zeros that functions have there."""
-_ANOTHER = 1e-4
-"""A gradient given with five digits belongs to its function; with a larger difference it belongs to another."""
 
 
 class Law:
@@ -105,7 +108,7 @@ class Law:
                 continue
             size = max(map(abs, [*slopes, *given]))
             for i, (slope, number) in enumerate(zip(slopes, given, strict=True)):
-                if abs(slope - number) > _ANOTHER * size:
+                if abs(slope - number) > ANOTHER * size:
                     self.element.fail(
                         f"at t = 0 s and ({', '.join(f'{v:g}' for v in at)}) entry {i} of the gradient given is "
                         f"{number:g}, but the derivative of the function is {slope:g}; omit the gradient, and it is "
@@ -134,7 +137,7 @@ class Law:
     def _smooth(self, value: float, slope: float, error: float, size: float, t: float) -> None:
         """Refuse a function with a jump or a kink. A condition and its slope along the motion are zero where it holds
         and provide no scale: `size` is that of its other slopes and of its terms."""
-        if error * _SMOOTH > 10.0 * max(abs(slope), abs(value), _ROUND_OFF * size):
+        if error * _SMOOTH > _STEEPER * max(abs(slope), abs(value), _CURVATURE * size):
             raise self._error(
                 t,
                 f"the function is not smooth here (its value is {value:g}, its slope {slope:g}, its curvature known "

@@ -17,14 +17,14 @@ from .gaps import FAR, point_of, size_of
 from .records import GROUND, Description, JointRecord, LoadRecord
 
 FAR_OFF = 10.0
-"""A joint farther from its body than this many times all else that is drawn is probably given in another unit. Between
-millimetre and metre lies a factor of 1000."""
+"""A joint farther from its body is probably given in another unit. Scale: multiples of all else that is drawn.
+Reason: a factor of 1000 lies between millimetre and metre."""
 SLIDING = ("free", "prismatic", "planar", "cylindrical", "screw")
 AIR = 1.2
 """Density of air [kg/m^3]."""
 SLENDER = 300.0
-"""A body that is lighter than a bar of air of its length, thinner by this factor, is probably drawn in another unit: a
-wire of steel so thin would weigh six thousand times as much."""
+"""A body lighter than a bar of air, thinner by this, is probably drawn in another unit. Scale: length over thickness.
+Reason: a wire of steel so thin would weigh six thousand times as much."""
 
 
 def unlikely(d: Description) -> Iterator[str]:

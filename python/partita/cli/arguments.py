@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any, NoReturn
 
 from ..options import BASES, COORDINATES, CORRECTIONS, FORMULATIONS, INERTIAS, METHODS, SELECTIONS, SERIALS
+from ..tolerance import ATOL, RTOL
 from .values import count, ladder, listed, pair, port, positive, repeats, seconds, setting
 
 MODEL = "a model file (it exists or has an ending such as .toml), or a name from `partita list`"
@@ -40,6 +41,9 @@ EXAMPLES = {
     "completion": ("bash >> ~/.bash_completion",),
 }
 """Examples of each command."""
+
+LADDER = [1e-4, 1e-6, 1e-8, 1e-10]
+"""Relative tolerances of `bench`."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -170,8 +174,8 @@ def _compare(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("models", metavar="FILE|NAME", nargs="+", help=f"{MODEL}; several are compared one after the other")
     add("--time", metavar="S", type=seconds, help="length of the runs [s]; default for a NAME: that of its problem")
-    add("--rtol", metavar="X", type=positive, default=1e-8, help="relative tolerance (default 1e-8)")
-    add("--atol", metavar="X", type=positive, default=1e-10, help="absolute tolerance (default 1e-10)")
+    add("--rtol", metavar="X", type=positive, default=RTOL, help=f"relative tolerance (default {RTOL:g})")
+    add("--atol", metavar="X", type=positive, default=ATOL, help=f"absolute tolerance (default {ATOL:g})")
     add("--method", choices=METHODS, default="dop853", help="integrator (default dop853)")
     known = ", ".join(FORMULATIONS)
     add(
@@ -252,8 +256,8 @@ def _bench(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("model", metavar="FILE|NAME", help=MODEL)
     add("--time", metavar="S", type=seconds, help="length of the runs [s]; default for a NAME: that of its problem")
-    add("--tolerances", metavar="X,Y", type=ladder, default=[1e-4, 1e-6, 1e-8, 1e-10],
-        help="relative tolerances (default 1e-4,1e-6,1e-8,1e-10)")  # fmt: skip
+    add("--tolerances", metavar="X,Y", type=ladder, default=LADDER,
+        help=f"relative tolerances (default {','.join(f'{x:g}' for x in LADDER)})")  # fmt: skip
     add("--outputs", metavar="N", type=count, default=101, help="number of equally spaced outputs (default 101)")
     add("--repeat", metavar="N", type=repeats, default=3, help="number of repetitions; the median counts (default 3)")
     add("--method", choices=METHODS, help="integrator (default dop853)")

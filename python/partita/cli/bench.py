@@ -19,6 +19,8 @@ from .printing import print_json
 REFERENCE = 100.0
 """Factor by which the reference run is tighter than the tightest row; not below rtol 1e-13."""
 TIGHTEST = 1e-13
+"""No reference run has a smaller relative tolerance. Scale: fraction of what is integrated. Reason: below it steps
+are rounding."""
 ATOL = 1e-2
 """Absolute over relative tolerance, as in the defaults of `simulate`."""
 

@@ -69,11 +69,16 @@ def _plain(mode: Mode) -> dict[str, Any]:
     }
 
 
+SHOWN = 0.005
+"""Bodies with a smaller part of the energy are not listed. Scale: fraction of the energy of the mode. Reason: half a
+per cent, which is printed as 0 or 1."""
+
+
 def _lines(found: Modes) -> list[str]:
     lines = ["mode  frequency [Hz]  damping ratio  bodies that move (share of the kinetic energy)"]
     for mode in found:
         energy = sorted(found.energy(mode.number).items(), key=lambda item: -item[1])
-        most = listed([f"{name} {math.floor(100 * part + 0.5)} %" for name, part in energy[:4] if part > 0.005])
+        most = listed([f"{name} {math.floor(100 * part + 0.5)} %" for name, part in energy[:4] if part > SHOWN])
         one = f"{mode.frequency:>14.6g}" if mode.frequency else f"{mode.kind:>14}"
         lines.append(f"{mode.number:>4}  {one}  {mode.damping:>13.4g}  {most}")
     return lines

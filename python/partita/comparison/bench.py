@@ -23,7 +23,9 @@ Array = NDArray[np.float64]
 Simulate = Callable[..., "Result"]
 OUTPUTS = 101
 REFERENCE_METHOD = "dop853"
-_REPEATS, _PATIENCE = 5, 0.1  # runs of one case at most, and seconds after which no other begins
+_REPEATS = 5  # runs of one case at most
+_ENOUGH = 0.1
+"""After this time no other run of a case begins. Scale: s on the clock. Reason: long runs scatter little."""
 # A run that takes this many times the steps of the tight reference approaches a point it cannot pass. With the same
 # method a coarser tolerance needs fewer steps; order 4 at 1e-10 needs up to twenty times those of order 8 at 1e-13.
 _CREEPING, _CREEPING_OTHERS, _LEAST_STEPS = 10, 50, 2000
@@ -83,7 +85,7 @@ class Bench:
             began = perf_counter()
             result = self.simulate(**options)
             times.append(perf_counter() - began)
-            if len(times) == _REPEATS or sum(times) > _PATIENCE or not result.success:
+            if len(times) == _REPEATS or sum(times) > _ENOUGH or not result.success:
                 return result, min(times)
 
     def costs(self, results: Sequence[Result], dearest: float) -> list[float | None]:
@@ -182,7 +184,7 @@ class Bench:
 _PLACES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 """Times along a run at which evaluations are timed, as fractions of it."""
 _DEAR = 2e-3
-"""Approximate duration of an evaluation [s] above which one such state is enough."""
+"""Where an evaluation takes longer one state is enough. Scale: s. Reason: longer than the clock scatters."""
 _REPORTED = ("formulation", "method", "rtol", "atol")
 
 

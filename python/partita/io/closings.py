@@ -13,10 +13,13 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import NoReturn
 
+import numpy as np
+
 from ..products import matmul, norm
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from . import sidecar
 from .reading import Remark
-from .robot import MASSLESS, Array, Robot
+from .robot import Array, Robot
 
 _WORD = r"(?:.*[^a-z])?clos(?:ing|ed?_?loop)s?"
 _NAME = re.compile(rf"(?P<stem>{_WORD}.*?)[_-]?(?P<side>[12AB])(?:[_-]?(?P<end>[36]D))?", re.IGNORECASE)
@@ -33,10 +36,9 @@ _REMEDIES = {
 _IN_SIDECAR = "closed_loop in a YAML file beside the URDF closes them"
 AXIS = "_z"
 """Ending of the name of a second point on the axis of a hinge."""
-_ON_AXIS = 1e-6
-"""Distance from an axis, as a fraction of the distance along it, of a point that lies on it: six digits."""
-_TOGETHER = 1e-6
-"""Frames within this distance [m] were drawn in one place: coordinates in files have a micrometre."""
+_TOGETHER = 1e-5
+"""Frames nearer to each other were drawn in one place. Scale: fraction of the size of the robot. Reason: coordinates
+in files have five digits."""
 
 
 def is_closing(name: str) -> bool:
@@ -84,13 +86,14 @@ def report_open(robot: Robot, poses: Mapping[str, Array]) -> None:
         if place(name) not in taken and found is not None:
             taken.add(place(name))  # a joint's name stands for the same frame
             sides.setdefault(name[: found.start("side")] + name[found.end("side") :], []).append(name)
+    size = float(norm(np.ptp([pose[:3, 3] for pose in poses.values()], axis=0)))
     pairs = []
     for names in (sorted(names) for names in sides.values() if len(names) == 2):
         links, frames = zip(*(robot.frames[name] for name in names), strict=True)
         if links[0] == links[1] or any(link not in poses for link in links):
             continue
         one, other = ((matmul(poses[link], frame))[:3, 3] for link, frame in zip(links, frames, strict=True))
-        if all(map(is_closing, names)) or float(norm(one - other)) <= _TOGETHER:
+        if all(map(is_closing, names)) or float(norm(one - other)) <= _TOGETHER * size:
             pairs.append(" and ".join(names))
     if pairs:
         remedy = {"MJCF": "an <equality> closes them"}.get(robot.reading.kind, _IN_SIDECAR)
@@ -101,9 +104,9 @@ def report_open(robot: Robot, poses: Mapping[str, Array]) -> None:
 def named(robot: Robot, frames: Iterable[str]) -> dict[str, list[str]]:
     """Ends of loops among links and frames, by the stem of their names. A link that carries others, or that moves and
     has mass, is none."""
-    parents = {joint.parent for joint in robot.joints.values()}
+    massless, parents = robot.massless, {joint.parent for joint in robot.joints.values()}
     fixed = {joint.child for joint in robot.joints.values() if joint.kind == "fixed"}
-    ends = {name for name, link in robot.links.items() if name in fixed or link.mass <= MASSLESS} - parents
+    ends = {name for name, link in robot.links.items() if name in fixed or link.mass <= massless} - parents
     sides: dict[str, list[str]] = {}
     for name in [*(link for link in robot.links if link in ends), *frames]:
         found = _NAME.fullmatch(name)
@@ -125,7 +128,7 @@ def _hinged(robot: Robot, names: Iterable[str]) -> bool:
         if frame is None or beyond is None:
             return False
         point = _seen(robot, beyond, frame)
-        if point is None or point[2] == 0.0 or float(norm(point[:2])) > _ON_AXIS * abs(point[2]):
+        if point is None or point[2] == 0.0 or float(norm(point[:2])) > EQUAL_IN_SIX_DIGITS * abs(point[2]):
             return False
     return True
 

@@ -9,16 +9,22 @@ from dataclasses import replace
 import numpy as np
 
 from ..products import matmul, norm
+from ..tolerance import EQUAL, LONG_ROUNDING
 from .reading import Remark
-from .robot import MASSLESS, NOISE, THROUGH, Array, Joint, Link, Robot, placed
+from .robot import Array, Joint, Link, Robot, placed
+
+_CROSSING = 1e-3
+"""Axes of hinges that span less volume do not make a joint of two or three rotations. Scale: least singular value of
+the directions. Reason: three digits of its angles are lost."""
 
 
 def fold_marks(robot: Robot) -> None:
     """Massless links at the end of fixed joints are frames of their parents. One that has inertia is a body."""
     scale = max((float(np.abs(link.inertia).max()) for link in robot.links.values()), default=0.0)
+    massless = robot.massless
 
     def is_mark(link: Link) -> bool:
-        return link.mass <= MASSLESS and float(np.abs(link.inertia).max()) <= NOISE * scale
+        return link.mass <= massless and float(np.abs(link.inertia).max()) <= LONG_ROUNDING * scale
 
     while True:
         parents = {joint.parent for joint in robot.joints.values()}
@@ -41,7 +47,7 @@ def fold_marks(robot: Robot) -> None:
                 )
             mark, parent = robot.links[joint.child], robot.links[joint.parent]
             with_mass = ""
-            if parent.mass > MASSLESS:
+            if parent.mass > massless:
                 _add(parent, mark, joint.pose)
                 with_mass = ", and its mass is added there" if mark.mass > 0.0 else ""
             elif mark.mass > 0.0:
@@ -65,7 +71,7 @@ def _add(link: Link, more: Link, pose: Array) -> None:
 
 def fold_hinges(robot: Robot) -> None:
     """Two or three hinges through one point with only massless links between them are a universal or a ball joint."""
-    tied = {name for tie in robot.ties for name in tie.joints}
+    massless, tied = robot.massless, {name for tie in robot.ties for name in tie.joints}
     held = {link for loop in robot.loops for link, _ in (loop.first, loop.second)}
     held |= {link for link, _ in robot.frames.values()} | robot.sprung()
     carrying = {joint.child: joint for joint in robot.joints.values()}
@@ -76,11 +82,12 @@ def fold_hinges(robot: Robot) -> None:
     def between(name: str) -> bool:
         """Whether this link only connects two hinges through one point."""
         link, after = robot.links[name], children.get(name, [])
-        if name in held or name not in carrying or len(after) != 1 or link.mass > MASSLESS or np.any(link.inertia):
+        if name in held or name not in carrying or len(after) != 1 or link.mass > massless or np.any(link.inertia):
             return False
         hinges = carrying[name].kind == after[0].kind == "revolute"
         before, behind = carrying[name].point, after[0].pose[:3, 3] + matmul(after[0].pose[:3, :3], after[0].point)
-        return hinges and float(norm(behind - before)) <= THROUGH
+        far = max(float(norm(carrying[name].pose[:3, 3])), float(norm(before)), float(norm(behind)))
+        return hinges and float(norm(behind - before)) <= LONG_ROUNDING * far
 
     for last in list(robot.joints.values()):
         if robot.joints.get(last.name) is not last:
@@ -98,8 +105,8 @@ def fold_hinges(robot: Robot) -> None:
             pose = matmul(pose, joint.pose)
             axes.append(matmul(pose[:3, :3], joint.axis))
         apart = np.linalg.svd(np.array(axes), compute_uv=False)[-1]
-        square = len(chain) == 3 or abs(float(matmul(axes[0], axes[1]))) <= 1e-9
-        if apart < 1e-3 or not square:
+        square = len(chain) == 3 or abs(float(matmul(axes[0], axes[1]))) <= EQUAL
+        if apart < _CROSSING or not square:
             continue
         kind = "spherical" if len(chain) == 3 else "universal"
         efforts = [effort for i, joint in enumerate(chain) for effort in joint.along(i)]
@@ -139,7 +146,7 @@ def fold_sleeves(robot: Robot) -> None:
         axis = matmul(turn.pose[:3, :3], turn.axis)
         if turn.parent in used or children[turn.parent] != 1 or not _nothing(robot, turn.parent):
             continue
-        if norm(axis - slide.axis) > THROUGH:
+        if norm(axis - slide.axis) > LONG_ROUNDING:
             continue
         pose = matmul(slide.pose, turn.pose)
         robot.joints[turn.name] = Joint(

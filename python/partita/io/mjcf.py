@@ -20,6 +20,7 @@ from ..errors import MissingDependencyError
 from ..files import get
 from ..limits import exceeded
 from ..products import matmul, norm
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from . import closings
 from .format_table import content, remark
 from .mjcf_counts import check, check_compiled, check_numbers
@@ -50,8 +51,6 @@ _BESIDE = ("include", "model")
 """Elements that name files beside the model, whatever its folders of others."""
 _FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 _NAMES = ("name", "class", "childclass", "model")
-SAME = 1e-6
-"""Points nearer to a line or a point than this fraction of their distance lie on it: files have some six digits."""
 
 
 def read(path: Path, request: Request) -> Robot:
@@ -530,7 +529,7 @@ class _Reader:
         robot, first = self.made, held[0]
         apart = np.array([x.points[0] - first.points[0] for x in held])
         size = float(np.max(np.linalg.norm(apart, axis=1)))
-        count = int(np.sum(np.linalg.svd(apart, compute_uv=False) > SAME * size)) if size > 0.0 else 0
+        count = int(np.sum(np.linalg.svd(apart, compute_uv=False) > EQUAL_IN_SIX_DIGITS * size)) if size > 0.0 else 0
         far = held[int(np.argmax(np.linalg.norm(apart, axis=1)))]
         frames = []
         for side in (0, 1):

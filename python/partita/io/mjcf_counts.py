@@ -11,6 +11,7 @@ import numpy as np
 
 from ..builder.checks import LARGEST
 from ..limits import exceeded
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .xmltree import Element, refuse
 
 _ASKED: dict[str, tuple[tuple[str, ...], int]] = {
@@ -28,8 +29,6 @@ element."""
 _HISTORY = ("nsample",)
 _UNBOUNDED = ("range", "limit")
 """Ends of names of bounds, which may be infinite."""
-_UNIT = 1e-6
-"""Length of a compiled quaternion or axis beside 1."""
 
 
 def check(root: Element) -> None:
@@ -66,8 +65,12 @@ def check(root: Element) -> None:
         root.fail(f"asks for {words}")
 
 
+_COUNTED = 1e18
+"""Larger counts are refused wherever they stand. Scale: 1. Reason: whole numbers of eight bytes."""
+
+
 def _whole(x: float) -> int:
-    return int(min(x, 1e18))
+    return int(min(x, _COUNTED))
 
 
 def _counts(element: Element, key: str) -> Iterator[float]:
@@ -78,7 +81,7 @@ def _counts(element: Element, key: str) -> Iterator[float]:
         except ValueError:
             continue
         if found > 0.0:
-            yield min(found, 1e18)
+            yield min(found, _COUNTED)
 
 
 def check_numbers(element: Element, names: tuple[str, ...]) -> None:
@@ -127,7 +130,7 @@ def check_compiled(mujoco: Any, model: Any, path: Path) -> None:
             rows = found.reshape(len(found), -1)
             bad = ~(np.abs(rows) <= LARGEST).all(axis=1)
             if key in _LENGTHS:
-                bad |= np.abs((rows**2).sum(axis=1) - _LENGTHS[key]) > _UNIT
+                bad |= np.abs((rows**2).sum(axis=1) - _LENGTHS[key]) > EQUAL_IN_SIX_DIGITS
             if bad.any():
                 i = int(np.argmax(bad))
                 name = (mujoco.mj_id2name(model, of[what], i) if what in of else None) or f"{i}"

@@ -18,6 +18,7 @@ from ..errors import FileFormatError
 from ..files import put
 from ..numeric import quaternion
 from ..products import det, matmul
+from ..tolerance import LEAST_DIVISOR, ROUNDING
 from . import writing_table
 from .robot import inverse
 from .skeleton import (
@@ -35,10 +36,11 @@ from .skeleton import (
 )
 from .writing import Writing
 
-LEAST = 2e-15
-"""Mass [kg] and moments of inertia [kg m^2] below which MuJoCo refuses a body that moves: twice its bound."""
+LEAST_MASS = 2e-15
+"""MuJoCo refuses a body that moves with less. Scale: kg, kg m^2. Reason: twice its own bound."""
 SLIGHT = 1e-9
-"""Fraction of the largest moment of inertia by which another one may be raised: inertias are not known so precisely."""
+"""A moment of inertia may be raised by this without a remark. Scale: fraction of the largest one. Reason: inertias
+are not known so precisely."""
 DEEP = 500
 """Maximum nesting depth of bodies: readers of XML have limits."""
 
@@ -199,12 +201,12 @@ class _Writer:
         moments, axes = (np.diag(inertia), np.eye(3)) if diagonal else np.linalg.eigh(inertia)
         if det(axes) < 0.0:
             axes[:, 0] *= -1.0
-        least = LEAST if moves else 0.0
+        least = LEAST_MASS if moves else 0.0
         given = np.array(moments)
         moments = np.maximum(given, least)
         small, middle, large = sorted(moments)
         if small + middle < large:  # by rounding, or as published with few digits
-            moments[int(np.argmin(moments))] = (large - middle) * (1.0 + 1e-15) + 1e-300
+            moments[int(np.argmin(moments))] = (large - middle) * (1.0 + ROUNDING) + LEAST_DIVISOR
         if mass < least or np.any(moments != given):
             asked = f"mass {max(mass, least):g} kg, moments {words(moments)} kg m^2"
             remark = f'body "{body.name}" has {asked}: MuJoCo requires positive values, and a + b >= c'

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ..builder.frames import INERTIA
 from ..products import matmul, principal
+from ..tolerance import EQUAL_IN_SIX_DIGITS, LONG_ROUNDING
 from .reading import Reading, Remark
-from .robot import NOISE, Array, Robot
+from .robot import Array, Robot
 
 
 def links(robot: Robot) -> None:
@@ -53,20 +53,20 @@ def of_reading(reading: Reading) -> Callable[[dict[str, Any]], dict[str, Any]]:
 
 def repaired(inertia: Array, scale: float) -> tuple[Array, str]:
     """The inertia, or the nearest that a body can have; and what was changed, unless by rounding: the last digits, or
-    less than `NOISE` of `scale`."""
+    less than `LONG_ROUNDING` of `scale`."""
     size = float(np.abs(inertia).max())
     if size == 0.0:
         return inertia, ""
     values, axes = principal(inertia / size)
-    if values[0] >= 0.0 and values[2] <= values[0] + values[1] + INERTIA:
+    if values[0] >= 0.0 and values[2] <= values[0] + values[1] + EQUAL_IN_SIX_DIGITS:
         return inertia, ""
-    if values[0] >= -INERTIA and values[2] <= values[0] + values[1] + INERTIA:
+    if values[0] >= -EQUAL_IN_SIX_DIGITS and values[2] <= values[0] + values[1] + EQUAL_IN_SIX_DIGITS:
         fit = np.maximum(values, 0.0)  # sums off in the last digits of a file are harmless, negative moments are not
     else:
         fit = nearest_moments(values)
     found = matmul(size * (axes * fit), axes.T)
     change = float(np.abs(fit - values).max())
-    if change <= INERTIA or change * size <= NOISE * scale:
+    if change <= EQUAL_IN_SIX_DIGITS or change * size <= LONG_ROUNDING * scale:
         return 0.5 * (found + found.T), ""
     shown = [", ".join(f"{size * x:.6g}" for x in moments) for moments in (values, fit)]
     words = f"its inertia has the principal values {shown[0]}, which no body has; {shown[1]} kg m^2, the nearest that"

@@ -6,13 +6,14 @@ the world.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..products import matmul, nearest_rotation, norm
+from ..products import SQUARED, matmul, nearest_rotation, norm
 from .looks import Look
 from .reading import Reading
 from .request import Request
@@ -21,15 +22,14 @@ from .xmltree import Element
 Array = NDArray[np.float64]
 
 MASSLESS = 1e-9
-"""A link of no more than this [kg] at a fixed joint is a frame on its parent link: the lightest screw of a watch is a
-hundred times as heavy."""
-NOISE = 1e-12
-"""Moments of inertia below this fraction of the largest of a robot are rounding: programs compute them as
-differences."""
+"""A link of no more mass at a fixed joint is a frame on its parent link. Scale: kg, and `LIGHT` of the heaviest link.
+Reason: the lightest screw of a watch is a hundred times as heavy."""
+LIGHT = 1e-6
+"""In a robot of very small links one must also be lighter than this. Scale: fraction of the mass of the heaviest
+link. Reason: a millionth moves nothing."""
 HEAVY = 1e5
-"""A link of more than this [kg] is a dummy: no robot weighs a hundred tonnes."""
-THROUGH = 1e-12
-"""Axes are through one point when the frames of their joints are at most this far apart [m]."""
+"""A link of more mass is a dummy. Scale: kg. Reason: no robot weighs a hundred tonnes; it is said, and the link is
+kept."""
 
 
 @dataclass
@@ -151,6 +151,11 @@ class Robot:
     world: str = "world"
     """The ground, as an end of joints of a model that gives all poses."""
 
+    @property
+    def massless(self) -> float:
+        """Mass [kg] up to which a link at a fixed joint is a frame."""
+        return massless_of(link.mass for link in self.links.values())
+
     def root(self) -> str:
         """The root link, which is the child of no joint; refuses trees with none, with several, and cycles."""
         parent_joint: dict[str, Joint] = {}
@@ -226,6 +231,11 @@ class Robot:
         return None
 
 
+def massless_of(masses: Iterable[float]) -> float:
+    """Mass [kg] up to which one of several bodies is a frame where it is fixed to another."""
+    return min(MASSLESS, LIGHT * max(masses, default=0.0))
+
+
 def placed(xyz: Any, rotation: Any) -> Array:
     """The transform of a pose."""
     found = np.eye(4)
@@ -238,7 +248,7 @@ def unit(axis: Array) -> Array | None:
     size = float(np.max(np.abs(axis)))
     if size == 0.0:
         return None
-    if not 1e-140 < size < 1e140:  # its squares are too small, or too large
+    if not 1.0 / SQUARED < size < SQUARED:  # its squares are too small, or too large
         axis = axis / size
     return axis / norm(axis)
 

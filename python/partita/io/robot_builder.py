@@ -17,7 +17,7 @@ from .closings import report_open
 from .folding import fold_ends, fold_hinges, fold_marks, fold_sleeves
 from .looks import shapes_of
 from .reading import Remark
-from .robot import HEAVY, MASSLESS, Array, Effort, Link, Robot, nearest, placed
+from .robot import HEAVY, Array, Effort, Link, Robot, nearest, placed
 from .xmltree import Element
 
 _FREE = 'base="free" in partita.load'
@@ -52,7 +52,7 @@ def build(robot: Robot, mechanism: Builder) -> None:
     for name in order[1:]:
         pose[name] = matmul(pose[into[name].parent], into[name].pose)
     report_open(robot, pose)
-    grounded = robot.links[root].mass <= MASSLESS and base == "fixed"
+    grounded = robot.links[root].mass <= robot.massless and base == "fixed"
     body: dict[str, Any] = {root: mechanism.ground} if grounded else {}
     for name in order[int(grounded) :]:
         body[name] = _body(robot, mechanism, robot.links[name], pose[name])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..products import matmul, norm
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .format_table import content
 from .robot import Array, Effort, Joint, Tie, unit
 from .sdf_scope import Scope
@@ -21,8 +22,6 @@ _KINDS = {
 }
 GEARBOX = "gearbox"
 """Type of a joint that couples two hinges."""
-_PARALLEL = 1e-6
-"""Sine of the angle between axes that are one: files have six digits."""
 _IN_MODEL = "use_parent_model_frame"
 
 
@@ -147,7 +146,7 @@ def _hinge(scope: Scope, base: str, link: str, axis: Array) -> tuple[str, float]
     for joint in scope.made.joints.values():
         about = matmul(joint.pose[:3, :3], joint.axis)
         along = float(matmul(about, axis))
-        parallel = joint.kind == "revolute" and float(norm(np.cross(about, axis))) <= _PARALLEL
+        parallel = joint.kind == "revolute" and float(norm(np.cross(about, axis))) <= EQUAL_IN_SIX_DIGITS
         if parallel and (joint.parent, joint.child) in ((base, link), (link, base)):
             return joint.name, float(np.sign(along)) * (1.0 if joint.parent == base else -1.0)
     return None

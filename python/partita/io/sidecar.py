@@ -32,12 +32,11 @@ from ..builder.checks import LARGEST, find
 from ..errors import FileFormatError, MissingDependencyError, UnknownNameError
 from ..files import get, other
 from ..limits import exceeded, limit
+from ..tolerance import LONG_ROUNDING
 from .reading import Remark
 from .robot import Array, Effort, Loop, Robot, Spring
 from .xmltree import refuse
 
-_SAME = 1e-12
-"""Relative tolerance of a sum of dampings."""
 _KEYS = {
     "closed_loop",
     "type",
@@ -244,7 +243,7 @@ def _springs(robot: Robot, items: Any, wrong: Callable[[str, str], NoReturn]) ->
         joint = robot.joints[name]
         own, reported = (sum(e.damping for e in x) for x in (joint.efforts, efforts))
         rotors = [e for e in joint.efforts if e.rotor != 0.0]
-        if own != 0.0 and abs(own - reported) > _SAME * max(abs(own), abs(reported)):
+        if own != 0.0 and abs(own - reported) > LONG_ROUNDING * max(abs(own), abs(reported)):
             ignored = f"the value {reported:g} in the sidecar file is ignored"
             remark = f"damping {own:g} of joint {name} is taken from the URDF; {ignored}"
             robot.reading.changed.append(Remark(joint.at.line, remark))

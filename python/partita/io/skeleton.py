@@ -19,6 +19,7 @@ from ..builder.joints import motions
 from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, SpringRecord, TorqueRecord
 from ..builder.records import TorsionSpringRecord as Torsion
 from ..products import matmul, norm
+from ..tolerance import SUM_ROUNDING
 from .robot import inverse, nearest, placed
 from .writing import Writing
 from .writing_table import DROPPED, TABLE
@@ -211,13 +212,13 @@ def _between(one: Array, other: Array) -> Array:
     """The smallest rotation that brings one direction to another."""
     a, b = one / norm(one), other / norm(other)
     w, cosine = np.cross(a, b), float(matmul(a, b))
-    sine = float(norm(w))
+    turned = norm(w) > SUM_ROUNDING
     if cosine >= 0.0:
         factor = 1.0 / (1.0 + cosine)
     else:  # opposite directions do not determine the axis of rotation
-        w = w if sine > 1e-14 else across(a)[0]
+        w = w if turned else across(a)[0]
         factor = (1.0 - cosine) / float(matmul(w, w))
-    cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]]) if sine > 1e-14 else np.zeros((3, 3))
+    cross = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]]) if turned else np.zeros((3, 3))
     return cosine * np.eye(3) + cross + factor * np.outer(w, w)
 
 

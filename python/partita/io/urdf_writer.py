@@ -26,7 +26,7 @@ from ..limits import limit
 from ..products import matmul
 from . import writing_table
 from .closings import is_closing
-from .robot import MASSLESS, inverse
+from .robot import inverse, massless_of
 from .skeleton import (
     Branch,
     Closure,
@@ -45,7 +45,7 @@ GRAVITY = (0.0, 0.0, -9.81)
 """Default of readers of URDF, which defines none."""
 DRAKE = "http://drake.mit.edu"
 """Namespace of Drake's elements."""
-FAR = 1e9
+UNLIMITED = 1e9
 """Limits [m] of a slide without limits: URDF requires them."""
 _GIMBAL = (
     ("turn", np.array([1.0, 0.0, 0.0])),
@@ -165,7 +165,7 @@ class _Writer:
         if body.mass == 0.0 and not np.any(j):
             self.link(self.of(name))
             return
-        if body.mass <= MASSLESS:
+        if body.mass <= massless_of(one.mass for one in self.mechanism._description.bodies.values()):
             self.report.changed.append(f'body "{name}" of {body.mass:g} kg: readers may treat it as a frame')
         moments = zip(("xx", "xy", "xz", "yy", "yz", "zz"), j[np.triu_indices(3)], strict=True)
         inertia = " ".join(f'i{axes}="{text(value)}"' for axes, value in moments)
@@ -245,7 +245,8 @@ class _Writer:
         if axis is not None:
             lines.append(f'    <axis xyz="{words(axis)}"/>')
         if kind == "prismatic":
-            lines.append(f'    <limit lower="{-FAR:g}" upper="{FAR:g}" effort="{FAR:g}" velocity="{FAR:g}"/>')
+            far = f"{UNLIMITED:g}"
+            lines.append(f'    <limit lower="-{far}" upper="{far}" effort="{far}" velocity="{far}"/>')
         found = list(found)
         damping = sum(record.damping for record in found)
         if damping > 0.0:

@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from ..products import matmul, norm
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .format_table import remark
 from .reading import Reading
 from .request import Request
 from .robot import Array, Joint, Loop, Robot, inverse
-from .usd_bodies import EVEN, GROUND, short
-from .usd_joints import CLOSED, Frames, apart, kind_of, limited, split
+from .usd_bodies import GROUND, short
+from .usd_joints import Frames, apart, kind_of, limited, split
 from .usd_series import Series
 from .usd_stage import Prim, Stage, opened
 from .usd_table import LIMITS, OWN, USD
@@ -53,6 +54,7 @@ class _Reader(Series):
             robot.links[body.name] = self.link(body, shapes.get(path, []))
             assert robot.poses is not None
             robot.poses[body.name] = body.frame
+            self.size = max(self.size, float(norm(body.frame[:3, 3])))
         joints = [prim for prim in self.prims if prim.tag.startswith("Physics") and prim.tag.endswith("Joint")]
         names = short(joints, set())
         self.between = self.series(joints, names)
@@ -85,7 +87,7 @@ class _Reader(Series):
         # a negative magnitude is none, whatever its size
         found = along * (size * self.length if size >= 0.0 else EARTH)
         exact = scene.finite(f"{OWN}:gravity", found)
-        same = np.allclose(exact, found, rtol=0.0, atol=EVEN * float(norm(found)))
+        same = np.allclose(exact, found, rtol=0.0, atol=EQUAL_IN_SIX_DIGITS * float(norm(found)))
         return tuple(self.agreed(scene, f"{OWN}:gravity", exact, found, same).tolist())
 
     def joint(self, prim: Prim, name: str) -> None:
@@ -104,9 +106,9 @@ class _Reader(Series):
         if prim.tag == "PhysicsDistanceJoint":
             self.distance(prim, name, (first, second), Frames(here, there))
             return
-        frames, drawn = split(prim, kind, Frames(here, there))
-        gap, angle = apart(frames)
-        if gap > CLOSED or angle > CLOSED:
+        frames, drawn = split(prim, kind, Frames(here, there), self.size)
+        gap, angle = apart(frames, self.size)
+        if max(gap, angle) > EQUAL_IN_SIX_DIGITS:
             words = "not closed as drawn; assembly closes it"
             self.remark(prim, words, f"open by {_length(frames):.2g} m, {np.degrees(angle):.2g} deg", "changed")
         if kind.word == "universal" and prim.value(f"{OWN}:kind") != "universal":
@@ -114,7 +116,7 @@ class _Reader(Series):
             self.remark(prim, words + f"{kind.free[-1][1]} of the frame of body 0", "", "changed")
         for axis, low, high in limited(prim):
             self.remark(prim, LIMITS, f"{axis} {low:g} to {high:g}", "bounds")
-        word = "generic" if kind.word == "prismatic" and angle > CLOSED else kind.word
+        word = "generic" if kind.word == "prismatic" and angle > EQUAL_IN_SIX_DIGITS else kind.word
         efforts, along = self.efforts(prim, name, kind, drawn), kind.axis
         if frames.here is frames.there:
             some = np.array([1.0, 0.0, 0.0]) if along is None else along

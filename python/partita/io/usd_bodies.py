@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..products import det, matmul
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .format_table import remark
 from .looks import Look
 from .reading import Reading
@@ -22,8 +23,6 @@ from .usd_mass import APPROXIMATED, DENSITY, Part, about, axis_of, part, togethe
 from .usd_stage import Prim, Stage, own
 from .usd_table import CONTACT, NO_MASS, OWN, PARTLY, SHELL, VELOCITY, WELDED
 
-EVEN = 1e-6
-"""Relative error of a scale, and sine of a shear, in single precision: less is none."""
 GROUND = " "
 """The ground among links: no prim has this name."""
 _GPRIMS = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Plane", "Mesh")
@@ -157,7 +156,7 @@ class Bodies:
         if not np.all(np.isfinite(prim.world)) or np.any(sizes == 0.0):
             prim.fail("has a transform that is not finite, or has no size")
         axes = linear / sizes
-        if float(np.abs(matmul(axes.T, axes) - np.eye(3)).max()) > EVEN or float(det(axes)) < 0.0:
+        if float(np.abs(matmul(axes.T, axes) - np.eye(3)).max()) > EQUAL_IN_SIX_DIGITS or float(det(axes)) < 0.0:
             prim.fail("is sheared or reflected by its transforms, so it has no axes that could be those of a body")
         found = self.frames[prim.get("name")] = placed(self.length * prim.world[:3, 3], nearest(axes))
         return found
@@ -165,7 +164,7 @@ class Bodies:
     def scale(self, prim: Prim) -> Array:
         """The scale of a prim along its axes; 1 where it is off by rounding."""
         sizes = np.linalg.norm(prim.world[:3, :3], axis=0)
-        return np.where(np.abs(sizes - 1.0) <= EVEN, 1.0, sizes)
+        return np.where(np.abs(sizes - 1.0) <= EQUAL_IN_SIX_DIGITS, 1.0, sizes)
 
     def shapes(self) -> dict[str, list[Prim]]:
         """Shapes that collide, by the path of the body that carries them; all shapes are looks."""
@@ -194,14 +193,14 @@ class Bodies:
         shape: dict[str, Any] | None = None
         if prim.tag == "Cube":
             shape = {"kind": "box", "size": [float(x) for x in sizes * prim.real("size", 2.0)]}
-        elif prim.tag == "Sphere" and np.ptp(sizes) <= EVEN * sizes[0]:
+        elif prim.tag == "Sphere" and np.ptp(sizes) <= EQUAL_IN_SIX_DIGITS * sizes[0]:
             shape = {"kind": "ball", "radius": float(sizes[0]) * prim.real("radius", 1.0)}
         elif prim.tag == "Cylinder":
             along = axis_of(prim, "Z")
             k = int(np.argmax(along))
             across = np.delete(sizes, k)
             radius, height = prim.real("radius", 1.0), prim.real("height", 2.0)
-            if abs(across[0] - across[1]) <= EVEN * across[0]:
+            if abs(across[0] - across[1]) <= EQUAL_IN_SIX_DIGITS * across[0]:
                 shape = {"kind": "cylinder", "radius": float(across[0]) * radius, "length": float(sizes[k]) * height}
                 if frame is not None:
                     frame = matmul(frame, placed(np.zeros(3), np.roll(np.eye(3), k - 2, axis=0)))
@@ -271,7 +270,7 @@ class Bodies:
         if prim.value(f"{OWN}:inertia") is None:
             return found
         exact = prim.finite(f"{OWN}:inertia", (0.0,) * 9).reshape(3, 3)
-        same = np.allclose(exact, found, rtol=0.0, atol=EVEN * float(np.abs(found).max()))
+        same = np.allclose(exact, found, rtol=0.0, atol=EQUAL_IN_SIX_DIGITS * float(np.abs(found).max()))
         return np.asarray(self.agreed(prim, f"{OWN}:inertia", exact, found, same))
 
     def whole(self, body: Body, shapes: list[Prim]) -> Part | None:

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .robot import Effort
-from .usd_bodies import EVEN, Bodies
+from .usd_bodies import Bodies
 from .usd_joints import Kind
 from .usd_stage import Prim
 from .usd_table import ACCELERATION, AXES, OWN
@@ -107,7 +108,15 @@ class Efforts(Bodies):
         found = (per * stiffness, per * damping, unit * target)
         words = [f"{OWN}:{axis}:{word}" for word in ("stiffness", "damping", "rest")]
         stiffness, damping, target = (
-            float(self.agreed(prim, word, exact, value, bool(np.isclose(exact, value, rtol=EVEN, atol=EVEN * unit))))
+            float(
+                self.agreed(
+                    prim,
+                    word,
+                    exact,
+                    value,
+                    abs(exact - value) <= EQUAL_IN_SIX_DIGITS * (unit + abs(value)),
+                )
+            )
             for word, value in zip(words, found, strict=True)
             for exact in (float(prim.finite(word, (value,))[0]),)
         )

@@ -13,17 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..products import matmul, norm
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .robot import Array, inverse, placed, turned
 from .usd_mass import axis_of
 from .usd_stage import Prim
 from .usd_table import AXES
 
-CLOSED = 1e-6
-"""Angle [rad] and distance [m, beside 1 m and the distance from the origin] below which two frames are one: they are
-products of several numbers of seven digits."""
 _WORDS = ("x", "y", "z", "rx", "ry", "rz")
-_SQUARE = 1e-6
-"""Sine of axes of a universal joint that are parallel."""
 
 
 class Frames(NamedTuple):
@@ -119,11 +115,11 @@ def limited(prim: Prim) -> list[tuple[str, float, float]]:
     return found
 
 
-def split(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, float]]:
+def split(at: Prim, kind: Kind, frames: Frames, size: float) -> tuple[Frames, dict[str, float]]:
     """The frames without the motion that separates them as drawn, and that motion by the axes of drives."""
     here, there = frames
     if kind.word == "universal":
-        return _crossed(at, kind, frames)
+        return _crossed(at, kind, frames, size)
     between = matmul(inverse(here), there)
     shift, turn = between[:3, 3].copy(), between[:3, :3]
     drawn: dict[str, float] = {}
@@ -142,21 +138,21 @@ def split(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, float
             drawn[f"trans{word.upper()}"], slid[i] = float(shift[i]), shift[i]
     if set(kind.coordinates) <= {"angular", "linear"}:
         drawn = dict(zip(kind.coordinates, drawn.values(), strict=False))
-    if norm(slid) > CLOSED * (1.0 + float(norm(here[:3, 3]))):
+    if norm(slid) > EQUAL_IN_SIX_DIGITS * (size + float(norm(here[:3, 3]))):
         here = matmul(here, placed(slid, np.eye(3)))
     frames = Frames(here, matmul(here, placed(shift - slid, turn)))
-    gap, angle = apart(frames)
-    return (frames if gap > CLOSED or angle > CLOSED else Frames(here, here)), drawn
+    gap, angle = apart(frames, size)
+    return (frames if max(gap, angle) > EQUAL_IN_SIX_DIGITS else Frames(here, here)), drawn
 
 
-def _crossed(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, float]]:
+def _crossed(at: Prim, kind: Kind, frames: Frames, size: float) -> tuple[Frames, dict[str, float]]:
     """A universal joint: one axis of the first frame, one of the second."""
     here, there = frames
     assert kind.axis is not None and kind.second is not None
     first = matmul(here[:3, :3], kind.axis)
     second = matmul(there[:3, :3], kind.second)
     second = second - float(matmul(second, first)) * first
-    if not norm(second) > _SQUARE:
+    if not norm(second) > EQUAL_IN_SIX_DIGITS:
         at.fail("has parallel axes of rotation as drawn; a universal joint has two that are perpendicular")
     second /= norm(second)
     third = np.cross(kind.axis, kind.second)
@@ -169,16 +165,17 @@ def _crossed(at: Prim, kind: Kind, frames: Frames) -> tuple[Frames, dict[str, fl
     spin = _twist(matmul(turn.T, there[:3, :3]), kind.second)
     drawn = dict(zip(kind.coordinates, (angle, spin), strict=True))
     frames = Frames(placed(here[:3, 3], turn), placed(there[:3, 3], turn))
-    return (frames if apart(frames)[0] > CLOSED else Frames(frames.here, frames.here)), drawn
+    return (frames if apart(frames, size)[0] > EQUAL_IN_SIX_DIGITS else Frames(frames.here, frames.here)), drawn
 
 
-def apart(frames: Frames) -> tuple[float, float]:
-    """How far two frames are apart: distance, in parts of 1 m and the distance from the origin, and angle [rad]."""
+def apart(frames: Frames, size: float) -> tuple[float, float]:
+    """How far two frames are apart: distance, in parts of the size of the mechanism and the distance from the origin,
+    whose rounding in single precision both have, and angle [rad]."""
     between = matmul(inverse(frames.here), frames.there)
     cosine = np.clip(0.5 * (np.trace(between[:3, :3]) - 1.0), -1.0, 1.0)
     sine = 0.5 * norm(between[:3, :3] - between[:3, :3].T) / np.sqrt(2.0)
-    size = 1.0 + float(norm(frames.here[:3, 3]))
-    return float(norm(between[:3, 3])) / size, float(np.arctan2(sine, cosine))
+    far = size + float(norm(frames.here[:3, 3]))
+    return float(norm(between[:3, 3])) / (far or 1.0), float(np.arctan2(sine, cosine))
 
 
 def _twist(turn: Array, axis: Array) -> float:

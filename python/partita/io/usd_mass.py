@@ -17,7 +17,7 @@ from .usd_stage import Prim
 DENSITY = 1000.0
 """Density [kg/m^3] of a shape where nothing gives one, which is USD's."""
 _FLAT = 1e-9
-"""Volume of a mesh below which it is empty, as a fraction of the cube of its size: seven digits of coordinates."""
+"""A mesh of less volume is empty. Scale: cube of its size. Reason: seven digits of coordinates."""
 APPROXIMATED = ("convexDecomposition", "meshSimplification", "sdf")
 """Approximations of a mesh that follow it: its own volume is what they approach."""
 _GIVE = "give physics:mass, physics:centerOfMass and physics:diagonalInertia of its body"

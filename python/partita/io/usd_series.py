@@ -11,9 +11,10 @@ from itertools import combinations
 import numpy as np
 
 from ..products import matmul, norm
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .robot import Array, Link, placed
 from .usd_bodies import GROUND, rotation
-from .usd_joints import CLOSED, Frames, Kind, apart, kind_of
+from .usd_joints import Frames, Kind, apart, kind_of
 from .usd_stage import Prim
 from .usd_table import OWN
 from .usd_ties import Ties
@@ -31,6 +32,9 @@ _AWAY = (
 
 class Series(Ties):
     """Bodies, the ends of joints on them, and which joints stand in a series."""
+
+    size = 0.0
+    """Distance of the farthest body from the origin [m]."""
 
     def end(self, prim: Prim, side: int) -> tuple[str, Array]:
         """The link on one side of a joint, and the frame of the joint in the world."""
@@ -82,14 +86,14 @@ class Series(Ties):
                for prim in group for schema in prim.attributes):  # fmt: skip
             return False
         lines = [(kind, self.end(prim, 0)[1]) for prim, kind in zip(group, kinds, strict=True)]
-        return not any(_one(*pair) for pair in combinations(lines, 2))
+        return not any(_one(*pair, self.size) for pair in combinations(lines, 2))
 
     def chain(self, ends: tuple[str, str], group: list[Prim], names: dict[str, str]) -> dict[str, tuple[str, str]]:
         """The links that each joint of a series is between."""
         robot = self.made
         assert robot.poses is not None
         for prim in group:
-            if max(apart(Frames(self.end(prim, 0)[1], self.end(prim, 1)[1]))) > CLOSED:
+            if max(apart(Frames(self.end(prim, 0)[1], self.end(prim, 1)[1]), self.size)) > EQUAL_IN_SIX_DIGITS:
                 prim.fail(_AWAY)
         found, before = {}, ends[0]
         body = ends[1] if ends[1] != GROUND else ends[0]
@@ -125,14 +129,14 @@ class Series(Ties):
             found |= more
 
 
-def _one(first: tuple[Kind, Array], second: tuple[Kind, Array]) -> bool:
+def _one(first: tuple[Kind, Array], second: tuple[Kind, Array], size: float) -> bool:
     """Whether two joints free the same motion: hinges on one line, or slides along one direction."""
     (kind, here), (other, there) = first, second
     if kind.word != other.word or kind.axis is None or other.axis is None:
         return False
     along, beside = matmul(here[:3, :3], kind.axis), matmul(there[:3, :3], other.axis)
-    if float(norm(np.cross(along, beside))) > CLOSED:
+    if float(norm(np.cross(along, beside))) > EQUAL_IN_SIX_DIGITS:
         return False
     between = there[:3, 3] - here[:3, 3]
-    size = 1.0 + float(norm(here[:3, 3]))
-    return kind.word == "prismatic" or float(norm(np.cross(along, between))) <= CLOSED * size
+    far = size + float(norm(here[:3, 3]))
+    return kind.word == "prismatic" or float(norm(np.cross(along, between))) <= EQUAL_IN_SIX_DIGITS * far

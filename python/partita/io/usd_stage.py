@@ -35,9 +35,12 @@ SUFFIXES = (".usda", ".usd", ".usdc")
 _HEADERS = (b"#usda ", b"#sdf ", b"PXR-USDC")
 _BINARY = _HEADERS[2]
 _PATIENCE = 60.0
-"""Seconds on the clock that USD may take to read one layer, on a busy machine."""
-_EFFORT, _PER_BYTE = 5, 4e-7
-"""Seconds of a processor that it may take, with its imports, and more for each byte: ten times the usual."""
+"""USD may take this long to read one layer. Scale: s on the clock. Reason: sixty times what a large one takes, on a
+busy machine."""
+_EFFORT = 5
+_PER_BYTE = 4e-7
+"""Processor time that USD may take for each byte, beside `_EFFORT` seconds for its imports. Scale: s. Reason: ten
+times the usual."""
 _ROOM, _ROOM_PER_BYTE = 10**9, 100
 """Bytes of memory in the same way."""
 _ALONE = """

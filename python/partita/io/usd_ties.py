@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..tolerance import EQUAL_IN_SIX_DIGITS, LONG_ROUNDING
 from .mjcf_table import HIGHER, MOTOR, ROPE, SERVO, TENDON
 from .robot import Tie
-from .usd_bodies import EVEN
 from .usd_efforts import Efforts
 from .usd_joints import Kind
 from .usd_stage import Prim
@@ -66,7 +66,7 @@ class Ties(Efforts):
             turn = -np.radians(offset)
             for word, value in (("gearing", gearing), ("offset", -turn)):
                 exact = float(prim.finite(f"{ours}:{word}", (value,))[0])
-                same = bool(np.isclose(exact, value, rtol=EVEN, atol=1e-12))
+                same = bool(np.isclose(exact, value, rtol=EQUAL_IN_SIX_DIGITS, atol=LONG_ROUNDING))
                 value = float(self.agreed(prim, f"{ours}:{word}", exact, value, same))
                 gearing, turn = (value, turn) if word == "gearing" else (gearing, -value)
             title = str(prim.value(f"{ours}:name") or f"{name} mimic")

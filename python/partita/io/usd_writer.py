@@ -23,6 +23,7 @@ from ..extras import extra
 from ..files import put
 from ..numeric import quaternion
 from ..products import det, matmul, norm
+from ..tolerance import EQUAL
 from . import writing_table
 from .robot import inverse, placed
 from .skeleton import Spring, across, point_of, springs, text, turn_of_child
@@ -30,8 +31,6 @@ from .usd_table import AXES, OWN
 from .writing import Writing
 
 _SLIDES = ("x", "y", "z")
-_SQUARE = 1e-9
-"""Cosine of the axes of a universal joint that are perpendicular."""
 _PRECISION = "numbers that USD has in single precision stand beside in double, which only Partita reads"
 
 
@@ -291,7 +290,7 @@ class _Writer:
 
     def crossed(self, joint: JointRecord, first: Array, second: Array) -> _Form | None:
         """A universal joint: a swing about y of the frame, then a twist about x, as PhysX has it."""
-        if abs(float(matmul(first, second))) > _SQUARE:
+        if abs(float(matmul(first, second))) > EQUAL:
             self.report.dropped.append(f"universal joint {joint.name}, whose axes are not perpendicular")
             return None
         self.report.changed.append(

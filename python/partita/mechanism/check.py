@@ -112,7 +112,8 @@ world it would lie on it: if that is meant, give m.bodies["rod"].world((3, 0, 0)
 
 
 MOVED = 0.5
-"""A start farther from the drawing than this fraction of its size is probably not meant."""
+"""A start farther from the drawing is probably not meant. Scale: fraction of the size of the drawing. Reason: half of
+it is another position."""
 
 
 def _moved(self: Modelled) -> list[str]:
@@ -126,7 +127,7 @@ def _moved(self: Modelled) -> list[str]:
     except PartitaError:  # which is reported beside
         return []
     names = [body["name"] for body in model.summary["bodies"]]
-    at = model.core.bodies(np.array([start.t]), start.q[None], start.v[None], list(range(len(names))))
+    at = model.core.motion(np.array([start.t]), start.q[None], start.v[None]).bodies()
     position = np.asarray(at["body_position"]).reshape(-1, 3)
     rotation = np.asarray(at["body_rotation"]).reshape(-1, 3, 3)
     own = {name: (body, body.to_world(body.com)) for name, body in d.bodies.items()}

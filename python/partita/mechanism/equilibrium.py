@@ -18,6 +18,7 @@ from ..errors import ArgumentError, PartitaError
 from ..naming import Names, coordinate_units, joint_units
 from ..results.run import Run
 from ..state import State
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from ..units import Quantity
 from . import family
 from .models import Modelled, layout_of
@@ -25,8 +26,6 @@ from .solve import start_of
 
 Array = NDArray[np.float64]
 
-SAME = 1e-6
-"""Equilibria nearer to each other, in radians and fractions of the size of the state, are one."""
 EVERY, WIDER = 4, 10.0
 """Every so many starts lengths are drawn from a range so many times as wide: no load need tell how far slides go."""
 DEFLATED = 5
@@ -162,7 +161,7 @@ def _found(model: CompiledModel, state: State, found: Mapping[str, Any] | None =
         growth, small = float(values.real.max(initial=-np.inf)), float(modes["zero"])
         if about["conservative"]:
             stable_here = None if indifferent else bool(np.all(curvatures > 0.0))
-            if np.any(curvatures < 0.0) and not np.all(np.abs(curvatures[curvatures < 0.0]) <= SAME * largest):
+            if np.any(curvatures < -EQUAL_IN_SIX_DIGITS * largest):
                 stable_here = False
         elif abs(growth) > small:
             stable_here = growth < 0.0
@@ -249,7 +248,7 @@ def _added(model: CompiledModel, start: State, stable: bool, found: list[Equilib
         one = _rested(model, start, stable, known if deflated else None)
     except PartitaError:
         return False
-    if any(np.abs(model.core.displacement_between(one["q"], q)).max(initial=0.0) <= SAME for q in known):
+    if any(np.abs(model.core.displacement_between(one["q"], q)).max(initial=0.0) <= EQUAL_IN_SIX_DIGITS for q in known):
         return False
     there = _described(model, start, one)
     # of a continuum one is listed
@@ -279,9 +278,7 @@ def _lengths(model: CompiledModel, start: State) -> list[float]:
         return along.get("of", "joint") == "joint" and units[along.get("coordinate", 0) :][:1] == ["m"]
 
     found: list[float] = []
-    bodies = model.core.bodies(
-        np.array([start.t]), start.q[None], start.v[None], list(range(len(model.summary["bodies"])))
-    )
+    bodies = model.core.motion(np.array([start.t]), start.q[None], start.v[None]).bodies()
     poses = {
         body["name"]: (bodies["body_position"][0, i], bodies["body_rotation"][0, i])
         for i, body in enumerate(model.summary["bodies"])

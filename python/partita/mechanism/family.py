@@ -15,14 +15,13 @@ from ..builder.parameter_units import parameter_unit
 from ..errors import ArgumentError, PartitaError
 from ..numeric import floats, shown
 from ..state import Layout, State
+from ..tolerance import EQUAL
 from ..units.door import QuantityError, in_si
 from .models import Modelled
 
 Array = NDArray[np.float64]
 Describe = Callable[[CompiledModel, State], Equilibrium]
 
-STRAIGHT = 1e-9
-"""Values lie on a straight line up to this. Scale: fraction of its length. Reason: ten printed digits."""
 BEHIND_FOLD = 1e-4
 """Where the motion off a fold begins. Scale: fraction of the range of the parameter. Reason: forces there are far above
 rounding, and the equilibrium that it arrives at is corrected to the fold itself."""
@@ -79,7 +78,7 @@ def line_of(model: CompiledModel, along: Any) -> Line:
         length = float(direction @ direction)
         x = (every - every[0]) @ direction / length if length else np.zeros(len(every))
         off = np.abs(every - every[0] - x[:, None] * direction).max(axis=1)
-        if np.any(off > STRAIGHT * np.sqrt(length)):
+        if np.any(off > EQUAL * np.sqrt(length)):
             raise ArgumentError(
                 f"along: the values of {', '.join(names)} do not lie on a straight line (row {int(np.argmax(off))} is "
                 "off); a family has one parameter: give values proportional to each other, or one path for each part",

@@ -292,7 +292,7 @@ def _start(self: Modelled, mechanism: Modelled, initial: Any, parameters: Mappin
 
 
 _INSTANT = 1e-9
-"""Length of a run for a single output [s]."""
+"""Length of a run for a single output. Unit: s. Reason: nothing moves in it."""
 
 
 def _with_efforts(

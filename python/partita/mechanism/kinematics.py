@@ -99,7 +99,7 @@ def kinematics(
     arrays = {"t": np.full(n, found.start.t), "q": found.raw["q"], "v": raw["v"], "vdot": raw["vdot"]}
     account = account_of(model.sensors, model.summary) if model.sensors else []
     summary = {**model.summary, "sensors": account} if account else model.summary
-    source = KinematicSource(model.core, arrays, summary)
+    source = KinematicSource(model.core, model.core.motion(*arrays.values()), summary)
     resolve = partial(_resolved, model)
     study = Study(
         model.core, summary, found.layout, found.start, found.goals, found.values, found.indices, ratios, resolve

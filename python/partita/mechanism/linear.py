@@ -40,14 +40,14 @@ class ModelShapes:
 
     def joints(self, displacements: Array) -> dict[str, Array]:
         """Changes of the coordinates of each joint."""
-        found, every = self._model.summary["joints"], range(len(self._model.summary["joints"]))
-        rates = self._model.core.joints(*self._motion(displacements), list(every))["joint_velocity"]
+        found = self._model.summary["joints"]
+        rates = self._motion(displacements).joints()["joint_velocity"]
         spans = [tuple(joint["v"]) for joint in found]
         return {joint["name"]: rates[:, first : first + n] for joint, (first, n) in zip(found, spans, strict=True)}
 
     def kinetic(self, displacements: Array) -> dict[str, Array]:
         """Kinetic energy of each body."""
-        bodies = self._model.core.bodies(*self._motion(displacements), list(range(len(self._bodies))))
+        bodies = self._motion(displacements).bodies()
         energies = {}
         for i, body in enumerate(self._bodies):
             rotation, spin = bodies["body_rotation"][:, i], bodies["body_angular_velocity"][:, i]
@@ -60,8 +60,7 @@ class ModelShapes:
 
     def elastic(self, displacements: Array) -> dict[str, tuple[Array, str | None]]:
         """Strain energy of each spring by its change of length or angle, and the joint that it is in."""
-        motion = self._motion(displacements)
-        bodies = self._model.core.bodies(*motion, list(range(len(self._bodies))))
+        bodies = self._motion(displacements).bodies()
         numbers = {body["name"]: i for i, body in enumerate(self._bodies)}
         joints = self.joints(displacements)
         still = np.zeros((len(displacements), 3))
@@ -112,13 +111,10 @@ class ModelShapes:
     def _bodies(self) -> list[dict[str, Any]]:
         return list(json.loads(self._model.core.description)["bodies"])
 
-    def _motion(self, displacements: Array) -> tuple[Array, Array, Array]:
+    def _motion(self, displacements: Array) -> Any:
         count = len(displacements)
-        return (
-            np.full(count, self._state.t),
-            np.tile(self._state.q, (count, 1)),
-            np.ascontiguousarray(displacements, dtype=float),
-        )
+        q = np.tile(self._state.q, (count, 1))
+        return self._model.core.motion(np.full(count, self._state.t), q, np.asarray(displacements, dtype=float))
 
 
 def linearize(
@@ -212,6 +208,7 @@ def linearize(
         steady=found["steady"],
         conservative=found["conservative"],
         method="exact" if found["exact"] else "differences",
+        _accelerates=found["accelerates"],
         _found=found["modes"],
         _shapes=ModelShapes(model, start),
         _again=again,

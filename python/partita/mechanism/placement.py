@@ -16,15 +16,15 @@ from ..builder.actuators import Actuator, actuators_of
 from ..builder.maps import ActuatedModel
 from ..errors import ArgumentError
 from ..numeric import shown
+from ..tolerance import EQUAL
 from .models import Modelled, compile
 from .ranges import keys_of
 
 FloatArray = NDArray[np.float64]
 ACTUATORS, ENCODERS = "actuators", "encoders"
-EQUAL = 1e-9
-"""Readings that differ by less are equal."""
 CLOSE = 1e-3
-"""Readings nearer than this do not tell two assemblies apart [rad, lengths of the mechanism]."""
+"""Readings nearer to each other do not tell two assemblies apart. Scale: rad; lengths of the mechanism. Reason: the
+accuracy of an encoder."""
 
 
 def placement(self: Modelled, count: int, among: Any = None, *, over: Workspace, of: str = ACTUATORS) -> Placement:

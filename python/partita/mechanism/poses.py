@@ -95,7 +95,7 @@ class Poses:
             return resting("ground", len(self))
         bodies = [body["name"] for body in self._model.summary["bodies"]]
         i = index_of(str(name), bodies, "body")
-        found = self._model.core.bodies(*self._motion(), [i])
+        found = self._motion().bodies([i])
         one = {key: np.asarray(array)[:, 0] if np.ndim(array) > 1 else array for key, array in found.items()}
         return BodyResult(
             str(name),
@@ -110,12 +110,12 @@ class Poses:
         (n, coordinates) [rad, m]."""
         joints = self._model.summary["joints"]
         i = index_of(str(name), [joint["name"] for joint in joints], "joint")
-        found: FloatArray = np.asarray(self._model.core.joints(*self._motion(), [i])["joint_position"])
+        found: FloatArray = np.asarray(self._motion().joints([i])["joint_position"])
         return found[:, 0] if found.shape[1] == 1 else found
 
-    def _motion(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        n = len(self)
-        return np.full(n, self.near.t), self.q, np.zeros((n, self._model.core.nv))
+    def _motion(self) -> Any:
+        core, n = self._model.core, len(self)
+        return core.motion(np.full(n, self.near.t), self.q, np.zeros((n, core.nv)))
 
     def __repr__(self) -> str:
         kinds, counts = np.unique(self.status, return_counts=True)
@@ -245,7 +245,7 @@ def orientations_at(model: CompiledModel, state: State) -> Callable[[int], Float
     """Orientation (3, 3) of a body, by its number, in a state."""
 
     def of(body: int) -> FloatArray:
-        found = model.core.bodies(np.array([state.t]), state.q[None], np.zeros((1, state.v.size)), [body])
+        found = model.core.motion(np.array([state.t]), state.q[None], np.zeros((1, state.v.size))).bodies([body])
         return np.asarray(found["body_rotation"][0, 0])
 
     return of

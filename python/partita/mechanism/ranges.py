@@ -20,6 +20,7 @@ from ..naming import listed
 from ..numeric import floats, is_list, shown
 from ..options import si
 from ..state import Layout, State
+from ..tolerance import NEGLIGIBLE
 from .branches import on_branch
 from .goals import Goal, goals_of, inputs_of, orientation_goals, units_of
 from .models import Modelled, compile, layout_of
@@ -201,9 +202,9 @@ def _axes(grid: Any, model: CompiledModel, start: State) -> list[Axis]:
 def _plane(key: Any, goals: list[Goal], model: CompiledModel, start: State) -> int:
     """The component of the orientation of a body that varies in a planar mechanism."""
     nv = model.core.nv
-    turns = model.core.bodies(np.full(nv, start.t), np.tile(start.q, (nv, 1)), np.eye(nv), [goals[0][2]])
+    turns = model.core.motion(np.full(nv, start.t), np.tile(start.q, (nv, 1)), np.eye(nv)).bodies([goals[0][2]])
     moves = np.abs(turns["body_angular_velocity"][:, 0]).max(axis=0)
-    moving = np.flatnonzero(moves > 1e-9 * max(float(moves.max()), 1e-300))
+    moving = np.flatnonzero(moves > NEGLIGIBLE * float(moves.max()))
     if len(moving) != 1:
         raise ArgumentError(
             f"grid: the orientation of {str(key)!r} has {len(moving)} components that vary; name coordinates of joints "

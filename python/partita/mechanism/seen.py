@@ -23,6 +23,7 @@ from ..extras import extra
 from ..files import put, target
 from ..numeric import shown
 from ..state import State
+from ..tolerance import EQUAL
 from ..webpage import Page, opened
 from .models import Modelled, layout_of
 from .solve import _fitting, assemble
@@ -41,9 +42,6 @@ SMALL_SIZE = (480, 320)
 """Pixels of the picture in a notebook."""
 MOST_PAINTED = 200
 """Bodies of a mechanism whose picture a notebook shows without being asked: it is painted in less than a second."""
-APART = 1e-9
-"""Points of a joint that are farther apart than this fraction of the mechanism are a gap to be drawn; the loops of a
-drawing close to round-off where they close at all."""
 
 
 def to_html(
@@ -186,8 +184,8 @@ def _closed(self: Modelled, model: CompiledModel, state: State) -> Still:
 
     summary = model.summary
     t, q, v = np.array([state.t]), state.q[None], state.v[None]
-    bodies = model.core.bodies(t, q, v, list(range(len(summary["bodies"]))))
-    joints = model.core.joints(t, q, v, list(range(len(summary["joints"]))))
+    bodies = model.core.motion(t, q, v).bodies()
+    joints = model.core.motion(t, q, v).joints()
     position = np.asarray(bodies["body_position"]).reshape(1, -1, 3)
     rotation = np.asarray(bodies["body_rotation"]).reshape(1, -1, 3, 3)
     point = np.asarray(joints["joint_point"]).reshape(1, -1, 3)
@@ -275,7 +273,7 @@ def _open(d: Description, joint: JointRecord, size: float) -> float:
     if joint.child_point is None:
         return 0.0
     length = float(np.linalg.norm(joint.child_point - point_of(d, joint)))
-    return length if length > APART * size else 0.0
+    return length if length > EQUAL * size else 0.0
 
 
 def _ends(d: Description, joint: JointRecord, size: float) -> list[_End]:
@@ -304,7 +302,7 @@ def _gaps(d: Description, size: float) -> list[Gap]:
         term = coupling.terms[0]
         first, second = (to_world(d, term[f"body{i}"], np.array(term[f"point{i}"])) for i in (1, 2))
         drawn = float(np.linalg.norm(second - first))
-        if abs(drawn - asked) > APART * max(size, asked):
+        if abs(drawn - asked) > EQUAL * max(size, asked):
             found.append(Gap(f"{coupling.name}: {drawn:.4g} m as drawn, {asked:.4g} m asked for", (first, second)))
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from logging import INFO
 from typing import Any
@@ -151,7 +152,8 @@ def _valued(what: str, wanted: Any, model: CompiledModel, doubts: list[str] | No
 
 
 FEW_TURNS = 2.0
-"""A coordinate beyond this many turns, given without a unit, may have been meant in degrees."""
+"""A coordinate beyond this, given without a unit, may have been meant in degrees. Scale: turns. Reason: few motions
+begin two turns from the drawing."""
 
 
 def _like_degrees(what: str, key: Any, value: Any, units: list[str], numbers: list[float]) -> list[str]:
@@ -162,7 +164,7 @@ def _like_degrees(what: str, key: Any, value: Any, units: list[str], numbers: li
         f"{what}[{shown(key)}] is {number:g} rad, {number / (2.0 * np.pi):.1f} turns; if degrees are meant, write "
         f"'{number:g} deg'"
         for number, unit in zip(numbers, units, strict=True)
-        if unit == "rad" and abs(number) > FEW_TURNS * 2.0 * np.pi
+        if unit == "rad" and abs(number) > FEW_TURNS * math.tau
     ]
 
 

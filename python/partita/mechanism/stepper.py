@@ -17,6 +17,7 @@ from ..numeric import floats, real, shown
 from ..results import Result
 from ..sensing import Reader, StateSignals, at_once, plain
 from ..state import Layout, State
+from ..tolerance import ATOL, RTOL
 from ..units import Quantity
 from ..viewer.live import LiveView, Poses
 from .inputs import Courses, Input, chosen, inputs_of
@@ -122,7 +123,7 @@ class Stepper:
         joints = [joint["name"] for joint in self._model.summary["joints"]]
         j = index_of(str(name), joints, "joint")
         now = self.state
-        found = self._model.core.joints(np.array([now.t]), now.q[None], now.v[None], [j])
+        found = self._model.core.motion(np.array([now.t]), now.q[None], now.v[None]).joints([j])
         return JointMotion(_part(found["joint_position"][0]), _part(found["joint_velocity"][0]))
 
     def sensor(self, name: Any) -> Any:
@@ -226,7 +227,7 @@ class Stepper:
     def _poses(self) -> Poses:
         now = self.state
         count = len(self._model.summary["bodies"])
-        found = self._model.core.bodies(np.array([now.t]), now.q[None], now.v[None], list(range(count)))
+        found = self._model.core.motion(np.array([now.t]), now.q[None], now.v[None]).bodies()
         return Poses(now.t, *(found[key].reshape(count, *size) for key, size in _PLACES.items()))
 
     def result(self) -> Result:
@@ -361,8 +362,8 @@ def stepper(
         method=method,
         switch_threshold=switch_threshold,
         step=step,
-        rtol=1e-8,
-        atol=1e-10,
+        rtol=RTOL,
+        atol=ATOL,
         compiled=compiled,
     )
     given = chosen(inputs_of(self._description), inputs)

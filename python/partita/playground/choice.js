@@ -4,6 +4,9 @@
 //
 // The rows of D^T, made orthonormal by the factor of D X D^T, stand for the tangential parts of unit velocities.
 
+// Volumes of which no choice may fall short are compared with this much to spare. Scale: logarithm. Reason: rounding of some ten lengths.
+const LOG_ROUNDING = 1e-8;
+
 function makeChoice(eq) {
   const { w, n, m, k, kept, closing, dropped, holonomic, phi, displacement, closureScale, all, massless, metric, METRIC, adopt, tangent, projected, entriesOf } = eq;
   const rho = new Float64Array(n).fill(1);
@@ -52,11 +55,11 @@ function makeChoice(eq) {
     let volume = 0;
     for (let step = 0; step < k; step++) {
       let top = -1;
-      for (let i = 0; i < n; i++) if (!taken[i] && (top < 0 || left[i] > left[top] * (1 + 1e-9))) top = i;
+      for (let i = 0; i < n; i++) if (!taken[i] && (top < 0 || left[i] > left[top] * (1 + EQUAL))) top = i;
       const norm2 = Math.max(left[top], 0), own = top * k;
       volume += Math.log(norm2) / 2;
       // the remaining rows are no longer than this one
-      if (volume + (k - step - 1) * (Math.log(norm2) / 2 + 1e-8) < enough) return null;
+      if (volume + (k - step - 1) * (Math.log(norm2) / 2 + LOG_ROUNDING) < enough) return null;
       chosen.push(top);
       taken[top] = 1;
       if (!(norm2 > 0)) continue;
@@ -83,7 +86,7 @@ function makeChoice(eq) {
   // Any regular choice at the position evaluated last: the columns that an elimination with the largest pivots leaves.
   // Consistent redundant rows may replace those in use: which rows are redundant depends on the position.
   function anyChoice() {
-    const agree = dropped.every((i) => i < holonomic && Math.abs(phi[i]) * closureScale[i] < 1e-9);
+    const agree = dropped.every((i) => i < holonomic && Math.abs(phi[i]) * closureScale[i] < CLOSED_IN_RUN);
     const from = agree ? [...kept, ...dropped] : [...kept], numbers = from.map((i) => entriesOf(i, (j) => j).map(([j, at]) => [j, w[at]]));
     const found = planElimination(m, numbers, true, [from.map((i) => closureScale[i]), displacement]);
     const used = found && new Set(found.pivots.map(([, j]) => j));

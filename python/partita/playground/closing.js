@@ -1,6 +1,25 @@
 // Closing the loops: Newton's method on the dependent coordinates at the end of a step, damped steps of all coordinates
 // where a parameter was changed, and messages about loops that do not close.
 
+// Conditions that are violated by less are met. Scale: size of the row. Reason: the accuracy required of whole runs.
+const CLOSED_IN_RUN = 1e-9;
+// Moves by a matrix of this position that are shorter are the last. Scale: characteristic displacement. Reason: what is left is their square.
+const LAST_FRESH_MOVE = 1e-8;
+// Moves by factors of another position that are shorter are the last. Scale: characteristic displacement. Reason: each leaves a twentieth at most.
+const LAST_MOVE = 1e-11;
+// Moves that are shorter change nothing. Scale: characteristic displacement. Reason: some hundred units in the last place.
+const STANDING = 1e-13;
+// Loops are closed by all coordinates if the squares of their errors are less together. Scale: size of the row, squared. Reason: rounding.
+const CLOSED_SQUARED = 1e-30;
+// Added to the diagonal of a symmetric matrix. Unit: fraction of its entry. Reason: rounding, so that redundant rows have a pivot.
+const DIAGONAL = 1e-14;
+// Damping where a matrix has no factors. Unit: fraction of the largest entries. Reason: a little above rounding.
+const LEAST_DAMPING = 1e-12;
+// Damping after a move that did not help. Unit: fraction of the largest entries. Reason: it is raised tenfold until one does.
+const DAMPING = 1e-8;
+// Less damping is none. Scale: fraction of the largest entries. Reason: a hundredth of `DAMPING`.
+const NO_DAMPING = 1e-10;
+
 function makeClosing(eq) {
   const { w, n, m, nq, C, rowStart, columns, kept, closing, holonomic, displacement, closureScale, phi, all, about, position, move } = eq;
   const mh = closing.length, right = new Float64Array(m);
@@ -35,7 +54,7 @@ function makeClosing(eq) {
       for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / displacement[i]);
       move(at, dv);
       // with the matrix at this position the next residual is the square of this one
-      settled = far < (fresh ? 1e-8 : 1e-11);
+      settled = far < (fresh ? LAST_FRESH_MOVE : LAST_MOVE);
     }
     position(s, at);
     return closureError(closing);
@@ -55,7 +74,7 @@ function makeClosing(eq) {
         size[r * mh + p] = z * closureScale[closing[r]] * closureScale[closing[p]];
       }
       for (let e = r0; e < r1; e++) spread[columns[e]] = 0;
-      size[r * mh + r] += damping + 1e-14 * size[r * mh + r];
+      size[r * mh + r] += damping + DIAGONAL * size[r * mh + r];
       right[r] = -phi[closing[r]] * closureScale[closing[r]];
     }
     dv.fill(0);
@@ -81,9 +100,9 @@ function makeClosing(eq) {
     };
     position(s, at);
     let before = residual(), damping = 0;
-    for (let step = 0; step < 200 && before > 1e-30; step++) {
+    for (let step = 0; step < 200 && before > CLOSED_SQUARED; step++) {
       from.set(at);
-      if (!least(all, damping)) { damping = damping ? damping * 10 : 1e-12; position(s, at); continue; }
+      if (!least(all, damping)) { damping = damping ? damping * 10 : LEAST_DAMPING; position(s, at); continue; }
       let far = 0;
       for (let i = 0; i < n; i++) far = Math.max(far, Math.abs(dv[i]) / displacement[i]);
       if (far > 0.3) for (let i = 0; i < n; i++) dv[i] *= 0.3 / far;
@@ -93,13 +112,13 @@ function makeClosing(eq) {
       if (now < before) {
         const settled = now > 0.9999 * before && damping > 0;
         before = now;
-        damping = damping > 1e-10 ? damping / 10 : 0;
+        damping = damping > NO_DAMPING ? damping / 10 : 0;
         if (settled) break;
       } else {
         at.set(from);
         position(s, at);
-        if (far < 1e-13) break;
-        damping = damping ? damping * 10 : 1e-8;
+        if (far < STANDING) break;
+        damping = damping ? damping * 10 : DAMPING;
         if (damping > 1e6) break;
       }
     }
@@ -112,7 +131,7 @@ function makeClosing(eq) {
       const { owner, angle } = about.conditions[i];
       const gap = found.get(owner) || { owner, length: 0, angle: 0, part: 0 };
       const part = Math.abs(phi[i]) * closureScale[i];
-      if (!(part > 1e-9)) continue;
+      if (!(part > CLOSED_IN_RUN)) continue;
       if (angle) gap.angle = Math.hypot(gap.angle, phi[i]); else gap.length = Math.hypot(gap.length, phi[i]);
       gap.part = Math.max(gap.part, part);
       found.set(owner, gap);

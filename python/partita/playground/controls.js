@@ -140,7 +140,7 @@ $("view").addEventListener("pointermove", (event) => {
   } else {
     scene.touched = true;
     if (live.scene.flat || dragging.moves) camera.move(x - dragging.x, y - dragging.y);
-    else camera.turnTo(camera.azimuth - (x - dragging.x) * 0.008, camera.elevation + (y - dragging.y) * 0.008);
+    else camera.turnTo(camera.azimuth - (x - dragging.x) * TURN_OF_PIXEL, camera.elevation + (y - dragging.y) * TURN_OF_PIXEL);
   }
   dragging = { ...dragging, x, y };
 });
@@ -153,7 +153,7 @@ function zoom(factor, x = scene.camera.width / 2, y = scene.camera.height / 2 + 
 }
 $("view").addEventListener("wheel", (event) => {
   event.preventDefault();
-  zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) * 0.0015), ...local(event));
+  zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) * ZOOM_OF_PIXEL), ...local(event));
 }, { passive: false });
 
 // ---- view

@@ -9,6 +9,11 @@
 // each made when the choice is.
 
 class Fault extends Error {}
+// Loops whose rows are less regular have lost rank. Scale: least pivot, rows and coordinates scaled. Reason: rounding of an elimination.
+const LOST_RANK = 1e-13;
+// Below this the quotient of a sine by its angle is its limit. Scale: rad. Reason: the remainder, of the square, is below rounding.
+const SHORT_ANGLE = 1e-8;
+
 const NO_MASS = "No mass moves with one of the degrees of freedom: its acceleration is not determined.";
 
 function makeEquations(run, about) {
@@ -161,8 +166,8 @@ function makeEquations(run, about) {
   function factor() {
     if (!elimination && !plan()) return false;
     regular = elimination.factor();
-    if (!(regular > 1e-13 && elimination.steep < 1e3)) regular = plan() ? elimination.factor() : 0;
-    return regular > 1e-13;
+    if (!(regular > LOST_RANK && elimination.steep < 1e3)) regular = plan() ? elimination.factor() : 0;
+    return regular > LOST_RANK;
   }
   function tangent() {
     if (!factor()) return false;
@@ -221,7 +226,7 @@ function makeEquations(run, about) {
     for (const [i, j] of plain) at[i] += dv[j];
     for (const [i, j] of balls) {
       const x = dv[j], u = dv[j + 1], z = dv[j + 2], angle = Math.hypot(x, u, z);
-      const s = angle > 1e-8 ? Math.sin(angle / 2) / angle : 0.5, r = Math.cos(angle / 2);
+      const s = angle > SHORT_ANGLE ? Math.sin(angle / 2) / angle : 0.5, r = Math.cos(angle / 2);
       const p = at[i], e = at[i + 1], f = at[i + 2], g = at[i + 3], X = s * x, U = s * u, Z = s * z;
       at[i] = p * r - e * X - f * U - g * Z;
       at[i + 1] = p * X + e * r + f * Z - g * U;

@@ -4,6 +4,9 @@
 // Picks m pivots and returns the order, the fill and each operation; null where fewer than m can be found.
 //   careful   the largest entry of all, which shows the rank; else of those at most ten times smaller than the largest of
 //             their column the one that fills least
+// Pivots below this are lost. Scale: fraction of the first. Reason: a hundred thousand roundings.
+const LOST_PIVOT = 1e-11;
+
 function planElimination(m, rows, careful, scale) {
   const active = rows.map((list) => new Map(list)), left = new Set(active.keys()), pivots = [];
   const touches = new Map();
@@ -36,7 +39,7 @@ function planElimination(m, rows, careful, scale) {
     if (!best) return null;
     if (careful) {
       first = first || largest;
-      if (largest < 1e-11 * first) return null;
+      if (largest < LOST_PIVOT * first) return null;
     }
     const [r, j] = best, pivot = active[r].get(j), below = [];
     left.delete(r);

@@ -5,8 +5,6 @@ const TRACE_LENGTH = 240; // frames that a path reaches back
 const MOST_POINTS = 600; // of a path
 const BEND = 0.2; // rad: an angle that a path shows in one piece
 const MOST_PARTS = 12; // points of a path in one frame
-const ROUNDING = 1e-9; // of forces, and of moments over the size: less is not drawn
-const SAME = 1e-6; // of the size: points of a page, which has seven digits, that are one point
 const STRIKE = 18; // pixels: a link farther from the pointer is not taken
 const RATIOS = ["ratio", "radius", "radius1", "radius2", "factors"]; // numbers of couplings that change the size of wheels
 
@@ -33,7 +31,7 @@ class LiveRun {
 
   /** What a point of a body's shape follows: a joint or the end of a rail on it, the end of a spring, or nothing. */
   sourceOf(b, p) {
-    const near = (other) => other && length(sub(other, p)) < SAME * this.scene.size;
+    const near = (other) => other && length(sub(other, p)) < EQUAL_IN_SIX_DIGITS * this.scene.size;
     for (const [j, joint] of this.scene.joints.entries()) {
       if (joint.child === b && near(joint.at)) return () => this.scene.joints[j].at;
       if (joint.parent === b && near(joint.atParent)) return () => this.scene.joints[j].atParent;
@@ -176,14 +174,14 @@ class LiveScene extends Scene {
     const { run } = this, s = run.scene, found = [];
     s.joints.forEach((joint, j) => {
       const rests = (joint.parent < 0 || joint.child < 0) && joint.atParent;
-      const same = s.joints.findIndex((_, i) => length(sub(run.jointPoint(0, i), run.jointPoint(0, j))) < SAME * s.size);
+      const same = s.joints.findIndex((_, i) => length(sub(run.jointPoint(0, i), run.jointPoint(0, j))) < EQUAL_IN_SIX_DIGITS * s.size);
       if (!rests && same === j) found.push(() => run.seatOf(0, j));
     });
     s.bodies.forEach((body, b) => {
       const held = s.joints.map((joint) => (joint.child === b ? joint.at : joint.parent === b ? joint.atParent : null)).filter(Boolean);
       if (body.points.length > 2) return;
       body.points.forEach((p, i) => {
-        if (held.every((h) => length(sub(h, p)) > 1e-3 * s.size)) found.push(() => run.placed(0, b, s.bodies[b].points[i]));
+        if (held.every((h) => length(sub(h, p)) > VISIBLE * s.size)) found.push(() => run.placed(0, b, s.bodies[b].points[i]));
       });
     });
     return found;
@@ -224,7 +222,7 @@ class LiveScene extends Scene {
       const sizes = list.filter((x) => Number.isFinite(x) && x > 0).sort((a, b) => a - b);
       if (sizes.length) this[unit] = sizes[Math.floor(0.95 * (sizes.length - 1))];
     }
-    if (this.momentUnit < ROUNDING * this.forceUnit * this.size) this.momentUnit = 0;
+    if (this.momentUnit < NEGLIGIBLE * this.forceUnit * this.size) this.momentUnit = 0;
   }
 
   /** Forces of springs on their second body, and the pull of the pointer. */

@@ -3,6 +3,27 @@
 // Steps are those of Dormand and Prince with error control: of order 5, and of order 8 where a long time is asked for at
 // once. At the end of each the dependent coordinates are closed by Newton's method, and the choice is examined.
 
+// Relative tolerance of steps. Scale: fraction of what is integrated. Reason: that of runs.
+const RTOL = 1e-8;
+// Absolute tolerance of steps. Scale: characteristic displacement. Reason: that of runs.
+const ATOL = 1e-10;
+// First step after a change. Unit: s. Reason: a page knows nothing else of a motion, and errors correct it at once.
+const FIRST_STEP = 1e-3;
+// Shorter steps end a motion. Scale: s, and the time. Reason: some thousand units in the last place of the time.
+const LEAST_STEP = 1e-12;
+// Smaller errors of a step let it grow no more. Scale: tolerance. Reason: a step grows fivefold at most.
+const LEAST_ERROR = 1e-10;
+// A step whose loops are violated by more is refused. Scale: size of the row. Reason: ten times what is met.
+const OPEN = 1e-8;
+// Relative tolerance of a step across a place where branches meet. Scale: fraction of what is integrated. Reason: rates lose digits there.
+const NEAR_BRANCHES = 1e-11;
+// A step that loses more regularity ends too near to where branches meet. Scale: that before the step. Reason: three digits of rates are lost.
+const LESS_REGULAR = 1e-3;
+// Parameters are reached where loops are violated by less. Scale: size of the row. Reason: a tenth of what is met.
+const REACHED = 1e-10;
+// Changes of parameters are not divided further. Scale: fraction of the change. Reason: a thousand positions on the way.
+const LEAST_PART = 1e-3;
+
 function makeMotion(run, about) {
   const eq = makeEquations(run, about), { closureError, closeDependent, closeAll, gaps, named, digits } = makeClosing(eq);
   const choice = makeChoice(eq), { rho, choose } = choice, reactionsOf = makeReactions(eq);
@@ -34,7 +55,7 @@ function makeMotion(run, about) {
   const sizes = new Float64Array(nq).fill(1);
   for (const [i, j] of plain) sizes[i] = displacement[j];
   const typical = (j) => (j < nq ? sizes[j] : displacement[eq.independent[j - nq]]);
-  const accuracy = { relative: 1e-8, absolute: 1e-10 };
+  const accuracy = { relative: RTOL, absolute: ATOL };
   const closed = new Float64Array(nq), next = new Float64Array(n), first = new Float64Array(n);
   // whether all levels have been evaluated at the state
   let ready = false, regularBefore = 1;
@@ -122,21 +143,20 @@ function makeMotion(run, about) {
     while (t < until) {
       if (deadline < Infinity && performance.now() > deadline) return;
       const rest = until - t;
-      if (!(h > 0)) h = Math.min(rest, 1e-3);
+      if (!(h > 0)) h = Math.min(rest, FIRST_STEP);
       if (refused === 0) order(whole);
       const [over, cross] = beyond ? [beyond, true] : across(Math.min(h, whole), rest);
-      const step = over || (h >= rest * (1 - 1e-9) ? rest : h);
+      const step = over || (h >= rest * (1 - EQUAL) ? rest : h);
       let error = attempt(step);
-      // so near to where branches meet rates are accurate to 1e-11
-      if (cross) error *= Math.min(1, accuracy.relative / 1e-11);
+      if (cross) error *= Math.min(1, accuracy.relative / NEAR_BRANCHES);
       let words = "the loops lose rank, and branches meet here";
       if (error <= 1) {
         normalise(y1);
         for (let i = 0; i < nq; i++) closed[i] = y1[i];
         const open = closeDependent(t + step, closed);
-        if (!(open < 1e-8)) words = `the loops cannot be kept closed: ${named(gaps())}`;
+        if (!(open < OPEN)) words = `the loops cannot be kept closed: ${named(gaps())}`;
         // too near to where branches meet rates are not accurate: a step ends before it or beyond
-        if (!(open < 1e-8) || !evaluated() || eq.regular < 1e-3 * regularBefore) error = Infinity;
+        if (!(open < OPEN) || !evaluated() || eq.regular < LESS_REGULAR * regularBefore) error = Infinity;
       } else if (error < Infinity) {
         words = "the step became too small";
       }
@@ -157,7 +177,7 @@ function makeMotion(run, about) {
           method = ORDER5;
           wary = 10;
         }
-        if (h < 1e-12 * Math.max(1, Math.abs(t)) || refused > 60) {
+        if (h < LEAST_STEP * Math.max(1, Math.abs(t)) || refused > 60) {
           h = 0;
           // all is as it was after the step before
           settle();
@@ -185,7 +205,7 @@ function makeMotion(run, about) {
         for (let j = 0; j < k; j++) y[nq + j] = v[eq.independent[j]];
       }
       foresee();
-      if (step === h || error > 0) h = Math.max(step === rest ? h : 0, step * Math.min(5, 0.9 * Math.max(error, 1e-10) ** -method.power));
+      if (step === h || error > 0) h = Math.max(step === rest ? h : 0, step * Math.min(5, 0.9 * Math.max(error, LEAST_ERROR) ** -method.power));
     }
   }
 
@@ -215,7 +235,7 @@ function makeMotion(run, about) {
       if (!sides.every((s) => s in about.parameters) || !sides.some((s) => s in values)) continue;
       const [p, r] = sides.map((s) => values[s] || get(s));
       const off = about.normal.reduce((z, e, i) => z + e * (p[i] - r[i]), 0);
-      if (Math.abs(off) > 1e-9 * about.length) {
+      if (Math.abs(off) > EQUAL * about.length) {
         return `It cannot be assembled with this: joint "${name}" opens by ${digits(Math.abs(off))} m across the plane.`;
       }
     }
@@ -237,11 +257,11 @@ function makeMotion(run, about) {
       const dropped = closureError(eq.dropped);
       let far = 0;
       for (const [i, j] of plain) far = Math.max(far, Math.abs(tried[i] - at[i]) / displacement[j]);
-      if (open < 1e-10 && dropped < about.loose && (far < 0.3 || part < 1e-3)) {
+      if (open < REACHED && dropped < about.loose && (far < 0.3 || part < LEAST_PART)) {
         at.set(tried);
         done = next;
         part *= 2;
-      } else if (part > 1e-3) {
+      } else if (part > LEAST_PART) {
         part /= 2;
       } else {
         names.forEach((name, i) => put(name, values[name]));
@@ -268,7 +288,7 @@ function makeMotion(run, about) {
       settle();
       return fault.message;
     }
-    h = Math.min(h, 1e-3);
+    h = Math.min(h, FIRST_STEP);
     return "";
   }
   function reset(start) {
@@ -281,7 +301,7 @@ function makeMotion(run, about) {
     method = ORDER5;
     choice.switches = 0;
     const open = closeAll(t, q);
-    if (!(open < 1e-9)) throw new Fault(`It cannot be assembled: ${named(gaps())}.`);
+    if (!(open < CLOSED_IN_RUN)) throw new Fault(`It cannot be assembled: ${named(gaps())}.`);
     settle();
   }
 
@@ -305,7 +325,7 @@ function makeMotion(run, about) {
       d.since = t;
       d.factor = factor;
       settle();
-      h = Math.min(h, 1e-3);
+      h = Math.min(h, FIRST_STEP);
     },
     prescribe(i, value) {
       const d = rates[i], old = d.value;
@@ -317,7 +337,7 @@ function makeMotion(run, about) {
     halt() {
       v.fill(0);
       settle();
-      h = Math.min(h, 1e-3);
+      h = Math.min(h, FIRST_STEP);
     },
     get evaluations() { return eq.evaluations; },
     // multiplications of one elimination with its solutions

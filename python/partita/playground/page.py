@@ -12,7 +12,7 @@ from .program import Program
 COMPUTES = (
     "module.js", "linear.js", "equations.js", "reactions.js", "closing.js", "choice.js", "methods.js", "motion.js",
 )  # fmt: skip
-"""Scripts without reference to the page: together they define `makeMotion`."""
+"""Scripts without reference to the page: with `tolerance.js` of the package they define `makeMotion`."""
 SCRIPTS = (*COMPUTES, "address.js", "export.js", "live.js", "fields.js", "controls.js")
 
 

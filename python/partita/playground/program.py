@@ -16,6 +16,7 @@ from ..builder.records import Description, SpringRecord
 from ..builder.values import Constant
 from ..errors import DescriptionError
 from ..state import State
+from ..tolerance import LONG_ROUNDING
 
 PULL = "pull "
 """The springs of the pointer, one for each body, are named by this and the body."""
@@ -23,6 +24,9 @@ PULL = "pull "
 SITED = ("revolute", "spherical", "universal", "constant_velocity")
 """Joints whose points on both bodies coincide: lengths are measured between these."""
 MOVABLE = (*SITED, "prismatic", "cylindrical")
+LOOSE = 1e-6
+"""Redundant constraints that are violated by less are satisfied on a page. Scale: size of the row. Reason: as `OPEN`
+of the core."""
 MOST_NUMBERS = 9
 _BOUNDS = {
     "ratio": {"ratio": "not"},
@@ -126,8 +130,7 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
         "bounds": bounds(drawn),
         "start": {"t": state.t, "q": state.q.tolist(), "v": state.v.tolist()},
         "lengths": lengths(drawn, normal),
-        # allowed closure error of redundant constraints: rounding
-        "loose": 1e-6,
+        "loose": LOOSE,
         "normal": None if normal is None else normal.tolist(),
         "loops": loops(model.summary),
         "bodies": [body["name"] for body in drawn["bodies"]],
@@ -227,7 +230,7 @@ def lengths(drawn: Mapping[str, Any], normal: NDArray[np.float64] | None) -> lis
             if normal is not None:
                 line = line - (line @ normal) * normal
             size = float(np.linalg.norm(line))
-            if size > 1e-12 * float(np.abs([point, sites[0][2]]).max()):
+            if size > LONG_ROUNDING * float(np.abs([point, sites[0][2]]).max()):
                 what = "length" if len(sites) == 2 else f"{sites[0][0]} to {name}"
                 along = (line / size).tolist()
                 found.append(

@@ -6,8 +6,6 @@
 //
 // The loads of S are also what marks a reaction as not determined.
 
-const ALIKE = 1e-9; // what is left of a self-stress beside others, or of a force, below this part of it counts as zero
-
 function makeReactions(eq) {
   const { run, about, w, n, rows, dropped } = eq, count = about.joints.length;
   const [VDOT] = about.inputs.vdot, [LAMBDA] = about.inputs.lambda, [FOUND] = about.outputs.reactions;
@@ -46,7 +44,7 @@ function makeReactions(eq) {
       const whole = Math.sqrt(product(one, one));
       for (let pass = 0; pass < 2; pass++) for (const other of found) take(one, other);
       const size = Math.sqrt(product(one, one));
-      if (!(size > ALIKE * whole)) continue;
+      if (!(size > NEGLIGIBLE * whole)) continue;
       for (let i = 0; i < one.length; i++) one[i] /= size;
       found.push(one);
     }
@@ -63,15 +61,15 @@ function makeReactions(eq) {
     const scale = at % 6 < 3 ? 1 : perLength;
     for (const one of found) {
       const d = [0, 1, 2].map((i) => one[at + i]), whole = Math.hypot(...d);
-      if (!(scale * whole > ALIKE)) continue;
+      if (!(scale * whole > NEGLIGIBLE)) continue;
       for (const b of base) {
         const z = b[0] * d[0] + b[1] * d[1] + b[2] * d[2];
         for (let i = 0; i < 3; i++) d[i] -= z * b[i];
       }
       const rest = Math.hypot(...d);
-      if (rest > ALIKE * whole) base.push(d.map((x) => x / rest));
+      if (rest > NEGLIGIBLE * whole) base.push(d.map((x) => x / rest));
     }
-    return base.some((b) => Math.abs(b[0] * wrenches[at] + b[1] * wrenches[at + 1] + b[2] * wrenches[at + 2]) > ALIKE * size);
+    return base.some((b) => Math.abs(b[0] * wrenches[at] + b[1] * wrenches[at + 1] + b[2] * wrenches[at + 2]) > NEGLIGIBLE * size);
   }
   function within(at, along) {
     const z = normal[0] * wrenches[at] + normal[1] * wrenches[at + 1] + normal[2] * wrenches[at + 2];

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,17 +14,23 @@ from ..errors import ArgumentError
 from ..naming import coordinate_units, index_of, joint_units
 from ..numeric import shown
 from ..result_view import FEW, ResultView, turn_between_outputs
+from ..tolerance import EQUAL
 from .style import plain
 
 FloatArray = NDArray[np.float64]
 
 
 MOST_DEGREES = 8.0
-"""Between outputs that lie farther apart on a turn no line is drawn."""
+"""Between outputs farther apart no line is drawn over a turn. Scale: degrees. Reason: the line would cut corners that
+are seen."""
 
 
-FULL_TURN = 2.0 * np.pi * (1.0 - 1e-9)
-"""Least rotation of a crank; a run of one turn may end short of it by rounding."""
+ONE_TURN = 370.0
+"""Angles that vary by more are reduced to one turn. Scale: degrees. Reason: a turn, and the part beyond it that is
+seen."""
+FULL_TURN = math.tau * (1.0 - EQUAL)
+"""A crank that rotates by less makes no turn. Scale: rad. Reason: a turn, but for its rounding: a run of one may end
+short of it."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +97,7 @@ def abscissa(result: ResultView, x: Any) -> Abscissa:
         )
     degrees = np.degrees(values)
     finite = degrees[np.isfinite(degrees)]
-    if not finite.size or float(finite.max() - finite.min()) <= 370.0:  # one turn, plus the part beyond it
+    if not finite.size or float(finite.max() - finite.min()) <= ONE_TURN:
         return Abscissa(degrees, f"{name} [deg]", np.zeros(len(values), dtype=bool))
     turn = np.floor(degrees / 360.0)
     return Abscissa(degrees - 360.0 * turn, f"{name} [deg], every turn", np.diff(turn, prepend=turn[:1]) != 0.0)

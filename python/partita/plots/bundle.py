@@ -15,7 +15,8 @@ from .style import COLOURS, legend, wrapped
 FloatArray = NDArray[np.float64]
 
 ALIKE = 0.004
-"""Curves that differ by less than this share of the panel's height are one line on paper."""
+"""Curves that differ by less are one line on paper. Scale: fraction of the panel's height. Reason: the width of a
+line."""
 
 BAND = "#9aa5b1"
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from ..tolerance import VISIBLE
 from .files import PathLike, save_figure
 from .style import COLOURS, FLOOR, dressed, empty, new_figure, plain
 
@@ -77,6 +78,11 @@ def _error_unit(comparison: Compared) -> str:
     return "against the reference [m]" if mechanism else "against the reference"
 
 
+NEAR = 1.2
+"""On a shorter logarithmic axis the numbers between powers of ten have labels too. Scale: decades, half of the axis.
+Reason: two powers of ten are no scale."""
+
+
 def _logarithmic(ax: Axes, which: str, values: Sequence[float]) -> None:
     """A logarithmic axis with room around the values, and few labels that do not collide, however near they lie."""
     low, high = min(values), max(values)
@@ -84,10 +90,10 @@ def _logarithmic(ax: Axes, which: str, values: Sequence[float]) -> None:
     axis = ax.xaxis if which == "x" else ax.yaxis
     (ax.set_xscale if which == "x" else ax.set_yscale)("log")
     (ax.set_xlim if which == "x" else ax.set_ylim)(10.0 ** (middle - half), 10.0 ** (middle + half))
-    near = half < 1.2
+    near = half < NEAR
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if near else (1.0,), numticks=8))
     axis.set_minor_formatter(NullFormatter())
-    if near and low > 1e-3:
+    if near and low > VISIBLE:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 

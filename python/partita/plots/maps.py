@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import goal_name
 from ..numeric import shown
+from ..tolerance import VISIBLE
 from .files import PathLike, save_figure
 from .style import COLOURS, dressed, new_figure, plain
 
@@ -24,8 +25,6 @@ TITLES = {
 }
 MOST = 10
 """Sets that are drawn."""
-AT_REST = 1e-3
-"""Curves that move by less are drawn as a point. Scale: extent of the figure. Reason: less than a pixel."""
 KIND_COLOURS = {"actuators": COLOURS[1], "outputs": COLOURS[0], "constraints": COLOURS[3]}
 
 
@@ -111,7 +110,7 @@ def plot_singularities(found: SingularPositions, of: Any, ax: Any, path: PathLik
         if not len(part):
             continue
         # where goals and point rest along a curve, it is a point of the figure
-        single = not part.ends or max(np.ptp(x), np.ptp(y)) <= AT_REST * extent
+        single = not part.ends or max(np.ptp(x), np.ptp(y)) <= VISIBLE * extent
         closed = part.closed and of is not None
         joined = (np.append(x, x[:1]), np.append(y, y[:1])) if closed else _unwound(x, y, part)
         style = {"linestyle": "none", "marker": "o", "markersize": 5} if single else {"linewidth": 1.6}
@@ -137,7 +136,7 @@ def plot_singularities(found: SingularPositions, of: Any, ax: Any, path: PathLik
 def _unwound(x: FloatArray, y: FloatArray, part: Curve) -> tuple[FloatArray, FloatArray]:
     """A curve over the goals; a closed one returns to its first point unless whole turns of a goal lie between."""
     step = np.hypot(np.diff(x), np.diff(y)).max(initial=0.0)
-    if part.closed and np.hypot(x[0] - x[-1], y[0] - y[-1]) <= 2.0 * step:
+    if part.closed and np.hypot(x[0] - x[-1], y[0] - y[-1]) <= 2 * step:
         return np.append(x, x[:1]), np.append(y, y[:1])
     return x, y
 

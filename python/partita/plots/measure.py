@@ -12,6 +12,9 @@ from ..result_view import ResultView
 from .style import COLOURS, Canvas, dressed, empty, legend, plain, reporting, wrapped
 
 GREY = "#bbbbbb"
+WIDE = 0.06
+"""A band that is longer has the name of its coordinate. Scale: fraction of the time shown. Reason: a name needs as
+much."""
 STRIPS = 6
 
 
@@ -43,7 +46,7 @@ def _draw_strip(result: ResultView, ax: Axes, colour: dict[int, str], rows: int)
     for row, name_of_band in enumerate(bands(result)[:rows]):
         for start, end, i in name_of_band:
             ax.broken_barh([(start, end - start)], (rows - row - 0.92, 0.84), color=colour.get(i, GREY), lw=0)
-            wide = result.t[-1] > result.t[0] and (end - start) > 0.06 * (result.t[-1] - result.t[0])
+            wide = result.t[-1] > result.t[0] and (end - start) > WIDE * (result.t[-1] - result.t[0])
             if wide and rows <= 3:
                 ax.text(
                     (start + end) / 2, rows - row - 0.52, plain(result.names.velocities[i]),

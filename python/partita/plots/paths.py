@@ -14,6 +14,7 @@ from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
 from ..result_view import ResultView
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, plain, wrapped
 
 FloatArray = NDArray[np.float64]
@@ -30,7 +31,8 @@ def draw_paths(result: ResultView, canvas: Canvas, points: Mapping[str, Any] | N
         name: float(np.max(np.ptp(path, axis=0), initial=0.0) if len(path) else 0.0) for name, path in found.items()
     }
     size = max(travel.values(), default=0.0)
-    moving = sorted((name for name in found if travel[name] > 1e-6 * size), key=lambda name: -travel[name])[:LIMIT]
+    seen = (name for name in found if travel[name] > EQUAL_IN_SIX_DIGITS * size)
+    moving = sorted(seen, key=lambda name: -travel[name])[:LIMIT]
     if not moving:
         empty(ax, "nothing moves" if found else "no joints and no points")
         return
@@ -63,13 +65,18 @@ def _asked(result: ResultView, points: Any) -> dict[str, FloatArray]:
     return found
 
 
+IN_PLANE = 0.98
+"""A plane of paths nearer to one of the world is shown as that. Scale: cosine of the angle. Reason: ten degrees
+shorten nothing that is seen."""
+
+
 def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray, tuple[str, str]]:
     """The two directions in which paths spread most: world axes if these do, else other directions."""
     points = points[np.isfinite(points).all(axis=1)]
     _, extent, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     normal = axes[2] if len(axes) > 2 else np.array([0.0, 0.0, 1.0])
     least = int(np.abs(normal).argmax())
-    if abs(normal[least]) > 0.98 or extent[1] < 1e-6 * extent[0]:
+    if abs(normal[least]) > IN_PLANE or extent[1] < EQUAL_IN_SIX_DIGITS * extent[0]:
         i, j = ((1, 2), (0, 2), (0, 1))[least]
         return np.eye(3)[i], np.eye(3)[j], ("xyz"[i], "xyz"[j])
     return axes[0], axes[1], ("along the widest direction", "across it")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import ArgumentError
 from ..numeric import shown
+from ..tolerance import EQUAL
 from .files import PathLike, save_figure
 from .style import new_figure, plain
 
@@ -19,8 +20,9 @@ FloatArray = NDArray[np.float64]
 
 MOST_NAMES = 40
 """Joints that are named in the picture: more names would cover it."""
-ALIGNED = 1.0 - 1e-9
-"""Cosine of the angle between a direction of the picture and an axis of the world that is then written on its edge."""
+ALIGNED = 1.0 - EQUAL
+"""A direction of the picture nearer to an axis of the world is named by it. Scale: cosine of the angle. Reason: a
+rotated axis has rounding."""
 
 
 class PictureView(Protocol):

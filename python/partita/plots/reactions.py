@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..result_view import LOAD_UNITS, NEGLIGIBLE, ResultView, least
+from ..result_view import LOAD_UNITS, ResultView, least
+from ..tolerance import NEGLIGIBLE
 from .abscissa import Abscissa, abscissa
 from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, level, wrapped
 

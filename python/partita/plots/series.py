@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from textwrap import shorten
 
@@ -10,20 +11,21 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..naming import coordinate_units
-from ..result_view import ResultView, least
+from ..result_view import ResultView, least, scales
 from .abscissa import Abscissa, abscissa
 from .bundle import draw_bundle, is_length
-from .style import COLOURS, dressed, empty, legend, level, plain, positive, reporting, unit_label
+from .style import COLOURS, FLOOR, ROUND_OFF, dressed, empty, legend, level, plain, positive, reporting, unit_label
 
 MOST_TURNS = 3.0
-"""A coordinate that makes more turns is named, not drawn, beside others that do not."""
+"""A coordinate that makes more turns is named, not drawn, beside others that do not. Scale: turns. Reason: beside it
+the others would look constant."""
 
 
 def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
     """q over time; where there are too many, the independent ones and those that move most."""
     columns = reporting(result, result.q) if result.q.shape[1] == result.v.shape[1] else _widest(result)
     units, labels = coordinate_units(result.summary, result.names)[0], result.names.coordinates
-    turning = [i for i in columns if units[i] == "rad" and float(np.ptp(result.q[:, i])) > MOST_TURNS * 2.0 * np.pi]
+    turning = [i for i in columns if units[i] == "rad" and float(np.ptp(result.q[:, i])) > MOST_TURNS * math.tau]
     # next to a steadily rotating crank all other curves would look constant
     if turning and len(turning) < len(columns):
         columns = [i for i in columns if i not in turning]
@@ -101,15 +103,30 @@ def draw_closure(result: ResultView, ax: Axes) -> None:
         empty(ax, "no constraints: nothing to close")
         return
     ax.set_yscale("log")
+    size = 10.0 ** np.floor(np.log10(scales(result).get("m", 1.0)))  # |Φ| is rounding of lengths
     # Round-off jumps from output to output: dots, since lines between them would have no meaning.
     for values, colour, label in (
         (result.closure, COLOURS[0], "|Φ| [m, rad]"),
         (result.velocity_closure, COLOURS[1], "|C v + a| [per s]"),
     ):
-        ax.plot(result.t, positive(values), ".", color=colour, ms=2.5, label=label, rasterized=True)
-    worst = float(np.max(np.concatenate([positive(result.closure), positive(result.velocity_closure)]), initial=1e-17))
-    ax.set_ylim(1e-17, max(10 * worst, 1e-13))
+        ax.plot(
+            result.t,
+            positive(values, size),
+            ".",
+            color=colour,
+            ms=2.5,
+            label=label,
+            rasterized=True,
+        )
+    measured = np.concatenate([result.closure, result.velocity_closure])
+    _from_floor(ax, measured, size)
     ax.legend(loc="upper right", fontsize=8, frameon=False, markerscale=3, handletextpad=0.2, borderaxespad=0.1)
+
+
+def _from_floor(ax: Axes, values: NDArray[np.float64] | float, size: float = 1.0) -> None:
+    """A logarithmic axis from where zero is drawn to above the largest value, and to above round-off at least."""
+    worst = float(np.nanmax(values, initial=0.0))
+    ax.set_ylim(FLOOR * size, max(10 * worst, ROUND_OFF * size))
 
 
 def draw_balance(result: ResultView, ax: Axes) -> None:
@@ -122,7 +139,7 @@ def draw_balance(result: ResultView, ax: Axes) -> None:
     scale = energy.scale or 1.0
     ax.set_yscale("log")
     ax.plot(result.t, positive(energy.balance / scale), color=COLOURS[2], lw=1.0)
-    ax.set_ylim(1e-17, max(10 * energy.relative_balance, 1e-13))
+    _from_floor(ax, energy.relative_balance)
     ax.set_ylabel(f"imbalance, of {energy.scale:.3g} J", fontsize=9)
 
 

@@ -19,8 +19,15 @@ COLOURS = ("#1f6fb4", "#d95f02", "#1b9e77", "#b03060", "#7570b3", "#a6761d", "#e
 LIMIT = len(COLOURS)
 _PARTS = re.compile(r"[^\s._:,/-]*[\s._:,/-]*")
 _DOLLAR = re.compile(r"(?<!\\)\$")
+ROUND_OFF = 1e-13
+"""A logarithmic axis of errors reaches this at least. Scale: 1, or what is drawn there. Reason: so that rounding
+stays at its lower end."""
+CONSTANT = 1e-4
+"""Curves that vary by less are drawn as constant. Scale: fraction of their largest value. Reason: what they are is
+seen, what they vary by is not asked for."""
 FLOOR = 1e-17
-"""Drawn instead of an exact zero on a logarithmic axis."""
+"""Drawn instead of an exact zero on a logarithmic axis. Scale: 1, or what is drawn there. Reason: a tenth of a unit
+in the last place."""
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -84,9 +91,9 @@ def wrapped(name: str, limit: int = 22, rows: int = 4) -> str:
     return plain("\n".join(kept))
 
 
-def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Absolute values fit for a logarithmic axis."""
-    return np.maximum(np.abs(values), FLOOR)
+def positive(values: NDArray[np.float64], size: float = 1.0) -> NDArray[np.float64]:
+    """Absolute values fit for a logarithmic axis, beside others of this size."""
+    return np.maximum(np.abs(values), FLOOR * size)
 
 
 def reporting(result: ResultView, values: NDArray[np.float64], limit: int = LIMIT) -> list[int]:
@@ -150,7 +157,7 @@ def level(ax: Axes, values: NDArray[np.float64], least: float) -> None:
         return
     low, high = float(finite.min()), float(finite.max())
     largest = max(abs(low), abs(high))
-    if high - low > max(least, 1e-4 * largest):
+    if high - low > max(least, CONSTANT * largest):
         return
-    spare = max(largest, 1e4 * least) or 1.0
+    spare = max(largest, least / CONSTANT) or 1.0
     ax.set_ylim(low - 0.5 * spare, high + 0.5 * spare)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ArgumentError, UnknownAttributeError
 from ..numeric import floats
+from ..tolerance import EQUAL
 from ..units import UnitArray
 from .source import Arrays, Source, Span, columns
 
@@ -373,6 +374,16 @@ class JointResult(JointKinematics):
         )
 
 
+_ENTRIES = 2.0
+"""Larger entries are those of no rotation. Scale: 1. Reason: they lie between -1 and 1; what is far beyond has no
+product."""
+
+
+_ORTHOGONAL = 1e-8
+"""Columns that are less orthonormal are no axes. Scale: 1. Reason: eight digits of a direction that a program
+computed."""
+
+
 def _rotation(axes: ArrayLike, nt: int) -> FloatArray:
     """`axes` as a checked rotation, (3, 3) or (nt, 3, 3)."""
     try:
@@ -385,10 +396,10 @@ def _rotation(axes: ArrayLike, nt: int) -> FloatArray:
         raise ArgumentError(
             f"in_frame: a rotation must have shape (3, 3) or ({nt}, 3, 3), got {turn.shape}", argument="axes"
         )
-    if not np.max(np.abs(turn), initial=0.0) < 2.0:  # NaN too
+    if not np.max(np.abs(turn), initial=0.0) < _ENTRIES:  # NaN too
         raise ArgumentError("in_frame: not a rotation matrix; its entries lie between -1 and 1", argument="axes")
     defect = float(np.max(np.abs(_transposed(turn) @ turn - np.eye(3)), initial=0.0))
-    if not defect < 1e-8 or np.any(np.linalg.det(turn) < 0):
+    if not defect < _ORTHOGONAL or np.any(np.linalg.det(turn) < 0):
         raise ArgumentError(
             f"in_frame: not a right-handed rotation matrix (orthogonal to {defect:.1e} only, or mirrored); "
             "its columns must be three perpendicular unit axes",
@@ -401,6 +412,11 @@ def _free_of(stresses: FloatArray, turn: FloatArray) -> NDArray[np.bool_]:
     """Components along the columns of `turn` that no self-stress touches."""
     touched = np.abs(stresses @ (turn if turn.ndim == 2 else turn[:, None]))
     return np.asarray((touched <= 1.0).all(axis=2).reshape(-1, 6))  # a NaN (all is open) is not below 1
+
+
+_INDEPENDENT = 0.5
+"""A direction that leaves the others by more is independent of them. Scale: 1. Reason: of three orthonormal axes at
+least one leaves any plane by as much."""
 
 
 def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -416,8 +432,7 @@ def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArr
         rest = row - sum((np.dot(k, row) * k for k in kept), np.zeros(3))
         rest -= sum((np.dot(k, rest) * k for k in kept), np.zeros(3))
         size = float(np.linalg.norm(rest))
-        # of three orthonormal axes at least one leaves any plane by more than 0.5
-        if len(kept) < there.sum() or size > 0.5:
+        if len(kept) < there.sum() or size > _INDEPENDENT:
             kept.append(_upright(rest / size))
     together = np.array(kept)
     return together[: there.sum()], together[there.sum() :]
@@ -425,13 +440,13 @@ def _split(stresses: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _upright(unit: FloatArray) -> FloatArray:
     """The sign of a direction is arbitrary: its largest entry is positive, the last of equals."""
-    lead = int(np.flatnonzero(np.abs(unit) >= np.max(np.abs(unit)) - 1e-9)[-1])
+    lead = int(np.flatnonzero(np.abs(unit) >= np.max(np.abs(unit)) - EQUAL)[-1])
     return unit if unit[lead] > 0 else -unit
 
 
 def _mixed(determined: NDArray[np.bool_], turn: FloatArray) -> NDArray[np.bool_]:
     """Components along new axes are unique when every old component they draw on is."""
-    used = np.broadcast_to(np.abs(turn) > 1e-9, (len(determined), 3, 3))
+    used = np.broadcast_to(np.abs(turn) > EQUAL, (len(determined), 3, 3))
     parts = determined.reshape(-1, 2, 3, 1) | ~used[:, None]
     return np.asarray(parts.all(axis=2).reshape(-1, 6))
 

@@ -96,10 +96,11 @@ class Run(Motion):
         account = account_of(sensors, summary) if sensors else []
         if account:
             summary = {**summary, "sensors": account}
+        motion = raw.pop("motion", None)
         record = Record.from_raw(raw, summary, options or {}, spec)
         source, read = None, None
         if spec is not None:
-            source = ModelSource(model, record.arrays, summary)
+            source = ModelSource(model, motion, summary)
             read = LiveSensors(sensors or {}, source, account)
         result = cls(record, source, read)
         if record.findings:

@@ -69,12 +69,13 @@ class RunSignals:
 
     def __init__(self, source: ModelSource) -> None:
         self._source = source
-        self._model, self._run, self._summary = source.model, source.run, source.summary
+        self._model, self._motion, self._summary = source.model, source.motion, source.summary
         self._loads: dict[str, Mapping[str, Array]] = {}
 
     @property
     def t(self) -> Array:
-        return self._run["t"]
+        found: Array = self._motion.t
+        return found
 
     @cached_property
     def gravity(self) -> Array:
@@ -85,7 +86,7 @@ class RunSignals:
         light = {force["body"] for force in spec["forces"] if force["kind"] == "weightless"}
         mass = sum(float(body["mass"]) for body in spec["bodies"] if body["name"] not in light)
         for number in numbers if mass > 0.0 else ():
-            found = found + np.sum(self._model.load(*self._motion, number)["force"], axis=1) / mass
+            found = found + np.sum(self._motion.load(number)["force"], axis=1) / mass
         return found
 
     def body(self, name: str) -> Moving:
@@ -117,7 +118,7 @@ class RunSignals:
 
     def load(self, name: str) -> Mapping[str, Array]:
         if name not in self._loads:
-            self._loads[name] = self._model.load(*self._motion, self._forces[name][0])
+            self._loads[name] = self._motion.load(self._forces[name][0])
         return self._loads[name]
 
     def applied(self) -> dict[str, tuple[Array, Array]]:
@@ -162,10 +163,6 @@ class RunSignals:
         j = self._names["joint"].index(name)
         about = self._summary["joints"][j]
         return j, tuple(about["q"]), tuple(about["v"])
-
-    @property
-    def _motion(self) -> tuple[Array, ...]:
-        return self._run["t"], self._run["q"], self._run["v"]
 
 
 class LiveSensors:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
@@ -100,29 +99,15 @@ class Source(Protocol):
 
 
 class ModelSource:
-    """Evaluates the compiled model for one body, joint or reaction on first use, at all outputs at once, and stores the
-    result. The cost is that of the part on which it depends: the links down to the ground, the connected bodies."""
+    """Has the core compute one body, joint or reaction of the `motion` that it keeps, on first use and at all outputs,
+    and stores the result. The cost is that of the part on which it depends: the links down to the ground, the connected
+    bodies."""
 
     has_model = True
 
-    def __init__(self, model: Any, run: Arrays, summary: Mapping[str, Any]) -> None:
-        self._model, self._run, self._summary = model, run, summary
+    def __init__(self, model: Any, motion: Any, summary: Mapping[str, Any]) -> None:
+        self.model, self.motion, self.summary = model, motion, summary
         self._found: dict[tuple[str, int], Any] = {}  # what was computed, of which number
-
-    @property
-    def model(self) -> Any:
-        """The compiled model."""
-        return self._model
-
-    @property
-    def run(self) -> Arrays:
-        """The arrays of the run."""
-        return self._run
-
-    @property
-    def summary(self) -> Mapping[str, Any]:
-        """The model's description of itself."""
-        return self._summary
 
     def _once(self, what: str, i: int, compute: Callable[[], T]) -> T:
         """What `compute` returns for number i, computed at its first use."""
@@ -132,34 +117,30 @@ class ModelSource:
         return found
 
     def body(self, i: int) -> Arrays:
-        return self._once("body", i, lambda: alone(self._model.bodies(*self._motion, [i]), BODIES))
+        return self._once("body", i, lambda: alone(self.motion.bodies([i]), BODIES))
 
     def body_acceleration(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         def computed() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-            found = self._model.body_accelerations(*self._motion, self._run["vdot"], [i])
+            found = self.motion.body_accelerations([i])
             return found["body_acceleration"][:, 0], found["body_angular_acceleration"][:, 0]
 
         return self._once("body acceleration", i, computed)
 
     def joint(self, j: int, q: Span, v: Span) -> Arrays:
-        return self._once("joint", j, lambda: alone(self._model.joints(*self._motion, [j]), ("joint_point",)))
+        return self._once("joint", j, lambda: alone(self.motion.joints([j]), ("joint_point",)))
 
     def joint_acceleration(self, j: int, v: Span) -> NDArray[np.float64]:
-        def computed() -> NDArray[np.float64]:
-            return np.asarray(self._model.joint_accelerations(*self._motion, self._run["vdot"], [j]))
-
-        return self._once("joint acceleration", j, computed)
+        return self._once("joint acceleration", j, lambda: np.asarray(self.motion.joint_accelerations([j])))
 
     @cached_property
     def joint_accelerations(self) -> NDArray[np.float64]:
-        every = list(range(self._number("joints")))
-        return np.asarray(self._model.joint_accelerations(*self._motion, self._run["vdot"], every))
+        return np.asarray(self.motion.joint_accelerations())
 
     @property
     def efforts(self) -> NDArray[np.float64]:
         if self._shares_loads:
             return np.asarray(self.reactions["effort"])
-        return np.asarray(self._run["multipliers"][:, int(self._summary.get("closing_rows", 0)) :])
+        return np.asarray(self.motion.multipliers[:, int(self.summary.get("closing_rows", 0)) :])
 
     @property
     def determined_efforts(self) -> NDArray[np.bool_]:
@@ -169,48 +150,43 @@ class ModelSource:
         def computed() -> Arrays:
             if self._shares_loads:  # one costs as much as all
                 return one_of(self.reactions, j, v)
-            found: Arrays = self._model.reaction(*self._motion, *self._acting, j)
+            found: Arrays = self.motion.reaction(j)
             return found
 
         return self._once("reaction", j, computed)
 
-    def _number(self, of: str) -> int:
-        return len(self._summary.get(of, ()))
-
     @cached_property
     def _shares_loads(self) -> bool:
         """Whether redundant joints share loads, so that the reaction of each depends on all."""
-        return bool(self._model.shares_loads(*self._motion, *self._acting))
+        return bool(self.motion.shares_loads())
 
     @cached_property
     def observed(self) -> Arrays:
-        bodies, joints = (list(range(self._number(what))) for what in ("bodies", "joints"))
-        return {**self._model.bodies(*self._motion, bodies), **self._model.joints(*self._motion, joints)}
+        return {**self.motion.bodies(), **self.motion.joints()}
 
     @cached_property
     def reactions(self) -> Arrays:
-        found: Arrays = self._model.reactions(*self._motion, *self._acting)
+        found: Arrays = self.motion.reactions()
         return found
 
     def residual_at(self, outputs: list[int]) -> NDArray[np.float64]:
         if "reactions" in self.__dict__:
             return np.asarray(self.reactions["residual"])[outputs]
-        found = self._model.reactions(*(np.ascontiguousarray(a[outputs]) for a in (*self._motion, *self._acting)))
-        return np.asarray(found["residual"])
+        return np.asarray(self.motion.reactions(outputs)["residual"])
 
     @cached_property
     def augmented(self) -> Arrays | None:
-        force, moment = self._model.augmented_reactions(*self._motion, *self._acting)
-        return {"force": force, "moment": moment}
+        found: Arrays = self.motion.augmented_reactions()
+        return found
 
     @cached_property
     def checks(self) -> Arrays:
-        found: Arrays = self._model.checks(*self._motion, *self._acting)
+        found: Arrays = self.motion.checks()
         return found
 
     @cached_property
     def _flags(self) -> tuple[NDArray[np.bool_], ...]:
-        return tuple(self._model.determined(*self._motion))
+        return tuple(self.motion.determined())
 
     @property
     def determined(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -221,32 +197,22 @@ class ModelSource:
         return self._flags[2]
 
     def self_stress_basis(self, i: int) -> tuple[NDArray[np.float64], NDArray[np.float64], float] | None:
-        found: tuple[NDArray[np.float64], NDArray[np.float64], float] = self._model.self_stress_basis(
-            float(self._run["t"][i]), np.ascontiguousarray(self._run["q"][i])
-        )
+        found: tuple[NDArray[np.float64], NDArray[np.float64], float] = self.motion.self_stress_basis(i)
         return found
 
     def self_stresses(self, j: int) -> NDArray[np.float64] | None:
-        return self._once("self-stresses", j, lambda: self._model.self_stresses(*self._motion, j))
+        return self._once("self-stresses", j, lambda: self.motion.self_stresses(j))
 
     @cached_property
     def energies(self) -> Arrays:
-        found: Arrays = self._model.energies(*self._motion)
+        found: Arrays = self.motion.energies()
         return found
 
     def __deepcopy__(self, memo: dict[int, Any]) -> ModelSource:
-        return ModelSource(self._model, copy.deepcopy(self._run, memo), self._summary)  # a model never changes
+        return ModelSource(self.model, self.motion, self.summary)  # these never change
 
     def __reduce__(self) -> tuple[type[StoredSource], tuple[Arrays]]:
         return StoredSource, (complete(self),)  # all its data, so that it can be read without the model
-
-    @property
-    def _motion(self) -> tuple[NDArray[Any], ...]:
-        return self._run["t"], self._run["q"], self._run["v"]
-
-    @property
-    def _acting(self) -> tuple[NDArray[Any], ...]:
-        return self._run["vdot"], self._run["multipliers"]
 
 
 class StoredSource:

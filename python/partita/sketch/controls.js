@@ -5,7 +5,6 @@ const { drawing, empty } = JSON.parse($("data").textContent);
 const sketch = new Sketch(drawing);
 const picture = new Picture(sketch, $("view"));
 const CLICK = 7; // pixels: a shorter drag is a click
-const ON_BAR = 1e-6; // of a bar's length: a point no farther from its line is on it
 const DIRECTIONS_APART = Math.PI / 12; // slides lie at multiples of this
 
 const HINTS = {
@@ -100,7 +99,7 @@ function onBars(found, near) {
   const [first, second] = found, apart = (p, q) => Math.hypot(p[0] - q[0], p[1] - q[1]);
   const cross = second ? sketch.crossing(first.bar, second.bar) : null;
   const at = cross && apart(cross, first.at) * picture.camera.scale < 2 * near ? cross : first.at;
-  const passes = ({ bar }) => apart(sketch.nearestOn(bar, ...at), at) <= ON_BAR * sketch.drawnLength(bar);
+  const passes = ({ bar }) => apart(sketch.nearestOn(bar, ...at), at) <= EQUAL_IN_SIX_DIGITS * sketch.drawnLength(bar);
   return { bars: found.filter(passes).map(({ bar }) => bar), at };
 }
 
@@ -218,7 +217,7 @@ function joinMoved(ids, before, meant = null, exact = false) {
   const old = new Map(JSON.parse(before).nodes.map((node) => [node.id, node]));
   const all = sketch.data.nodes.filter(({ id, x, y }) => x !== old.get(id).x || y !== old.get(id).y).map(({ id }) => id);
   const stays = new Map(all.map((id) => [id, id])); // the node that each has become
-  const [pin, rod] = exact ? [ON_BAR * CELL, ON_BAR * CELL] : [PIN, ROD];
+  const [pin, rod] = exact ? [EQUAL_IN_SIX_DIGITS * CELL, EQUAL_IN_SIX_DIGITS * CELL] : [PIN, ROD];
   for (const id of all) {
     const p = picture.pixelOf(id), under = picture.nodeAt(p.x, p.y, pin, id), other = under || (ids.includes(id) ? meant : null);
     const held = other && sketch.barsAt(id).some((bar) => sketch.nodesOf(bar).includes(other.id)); // by a bar that has both
@@ -309,7 +308,7 @@ $("view").addEventListener("pointercancel", (event) => {
 $("view").addEventListener("contextmenu", (event) => event.preventDefault());
 $("view").addEventListener("wheel", (event) => {
   event.preventDefault();
-  picture.zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) * 0.0015), ...local(event));
+  picture.zoom(Math.exp(-Math.max(-200, Math.min(200, event.deltaY)) * ZOOM_OF_PIXEL), ...local(event));
   picture.draw();
 }, { passive: false });
 

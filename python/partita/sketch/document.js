@@ -3,7 +3,6 @@
 const MOST_UNDO = 200;
 const TABLES = ["nodes", "bars", "slides", "motors", "springs"];
 const DENSITY = 1; // kg a metre of a new bar
-const PARALLEL = 1e-9; // sine of the angle between bars that do not cross; of a bar's length, what is beyond its end
 const RATE = 3; // rad/s of a new motor, m/s/10 of one on a slide
 
 class Sketch {
@@ -155,9 +154,9 @@ class Sketch {
   crossing(one, other) {
     const p = this.node(one.a), q = this.node(one.b), r = this.node(other.a), s = this.node(other.b);
     const ux = q.x - p.x, uy = q.y - p.y, vx = s.x - r.x, vy = s.y - r.y, det = ux * vy - uy * vx;
-    if (Math.abs(det) < PARALLEL * Math.hypot(ux, uy) * Math.hypot(vx, vy)) return null;
+    if (Math.abs(det) < EQUAL * Math.hypot(ux, uy) * Math.hypot(vx, vy)) return null;
     const part = ((r.x - p.x) * vy - (r.y - p.y) * vx) / det, of = ((r.x - p.x) * uy - (r.y - p.y) * ux) / det;
-    return [part, of].every((x) => x >= -PARALLEL && x <= 1 + PARALLEL) ? this.alongBar(one, part) : null;
+    return [part, of].every((x) => x >= -EQUAL && x <= 1 + EQUAL) ? this.alongBar(one, part) : null;
   }
 
   /** Where the foot of a node is on a bar: 0 at its beginning, 1 at its end. */

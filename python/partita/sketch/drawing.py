@@ -13,8 +13,8 @@ from ..numeric import shown
 
 MOST = 100
 """Elements of one kind in a drawing."""
-LARGEST = 1e6
-"""Magnitude of a number of a drawing."""
+LARGEST_DRAWN = 1e6
+"""Numbers of a drawing are not larger. Scale: SI units. Reason: a page shows a thousand kilometres."""
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,39}")
 
 
@@ -199,8 +199,8 @@ class _Table:
 
     def number(self, key: str, above: float = -math.inf, least: float = -math.inf) -> float:
         found = self.data[key]
-        if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= LARGEST:
-            self.fail(f"{key} is {shown(found)}; it must be a number of at most {LARGEST:g}")
+        if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= LARGEST_DRAWN:
+            self.fail(f"{key} is {shown(found)}; it must be a number of at most {LARGEST_DRAWN:g}")
         if not (found > above and found >= least):
             low = f"above {above:g}" if above > least else f"at least {least:g}"
             self.fail(f"{key} is {shown(found)}; it must be {low}")

@@ -29,12 +29,16 @@ PULSE = 0.2
 """Seconds between checks of the clock and of Ctrl-C."""
 BATCH = 0.5
 """Seconds of work in a batch: Dask's scheduler and client need some 4 ms for a task, a hundredth of it."""
-LEAST = 0.1
-"""The same for the last batches, which are smaller so that all workers end together."""
+SHORTEST_BATCH = 0.1
+"""The last batches are not shorter. Scale: s of work. Reason: a scheduler and its client need some 4 ms for a task;
+all workers are to end together."""
+CLOCK_TICK = 1e-9
+"""A member takes this long at least. Scale: s. Reason: the finest clocks."""
 SHARE = 20.0
 """Where a batch costs this process more than a fraction 1/SHARE of its work, batches become longer, ..."""
-LONGEST = 2.0
-"""... to this many seconds at most: what a crash may cost of each worker, and what Ctrl-C waits for."""
+LONGEST_BATCH = 2.0
+"""Batches are not longer. Scale: s of work. Reason: what a crash may cost of each worker, and what Ctrl-C waits
+for."""
 PATIENCE = 2.0
 """A worker sends back what it has, and the rest, when a batch takes this many times as long as it should."""
 GROWTH = 8
@@ -248,7 +252,7 @@ class Spread:
         return batch
 
     def _least(self) -> int:
-        return int(self.size * LEAST / self.aim)
+        return int(self.size * SHORTEST_BATCH / self.aim)
 
     def _take(self, future: Future[Returned], batch: list[int]) -> str | None:
         """What came back of a batch; the reason, where the executor is lost."""
@@ -291,11 +295,11 @@ class Spread:
         if returned.process == os.getpid():
             self.here += returned.cpu
         cost = (time.process_time() - self.began - self.here) / self.returned
-        self.aim = min(max(BATCH, SHARE * cost), LONGEST)
+        self.aim = min(max(BATCH, SHARE * cost), LONGEST_BATCH)
         each = returned.seconds / max(known, 1)
         self.measured = max(self.measured, known, 1)
         self.each = 0.5 * (self.each + each) if known > 1 and self.each else each
-        self.size = max(1, min(int(self.aim / max(self.each, 1e-9)), GROWTH * self.measured))
+        self.size = max(1, min(int(self.aim / max(self.each, CLOCK_TICK)), GROWTH * self.measured))
 
     def _one_by_one(self, pool: Pool) -> str | None:
         """Members whose workers died, each alone, so that one that kills affects no other."""

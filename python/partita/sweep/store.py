@@ -42,7 +42,8 @@ ZARR = ".zarr"
 _OTHERS = frozenset({".nc", ".h5", ".hdf5", ".json", ".csv", ".parquet", ".mat", ".toml", ".pkl", ".npz"})
 """Endings of files that a user would expect to be of their format."""
 _SYNC = 5.0
-"""Seconds after which results are forced onto the disk: what a power failure may cost. Other crashes cost nothing."""
+"""Results that are older are forced onto the disk. Scale: s. Reason: what a power failure may cost; other crashes
+cost nothing."""
 
 _MARK = b"\x89PMr"
 _HEAD = struct.Struct("<4scQIQI")

@@ -1,5 +1,8 @@
 // Poses between two outputs, for drawing at the rate of the screen: cubic Hermite interpolation, from the velocities at both.
 
+// Below this a rate of turning is computed by its series. Scale: rad. Reason: the remainder, of the square, is not seen.
+const SHORT_TURN = 1e-3;
+
 const FARTHEST_TURN = Math.PI / 2; // a body that turns farther from output to output is shown in computed outputs only
 
 /** Cubic Hermite polynomial at part s of a step: values a, b; derivatives times the step da, db. */
@@ -25,14 +28,14 @@ function rotationVector([x, y, z, w]) {
 
 /** The quaternion of a rotation vector. */
 function quaternionOf(v) {
-  const angle = length(v), part = angle > 1e-9 ? Math.sin(angle / 2) / angle : 0.5;
+  const angle = length(v), part = angle > EQUAL ? Math.sin(angle / 2) / angle : 0.5;
   return [...scaled(v, part), Math.cos(angle / 2)];
 }
 
 /** Rate of a rotation vector r while the body turns at angular velocity w: the inverse of the left Jacobian. */
 function rateOfVector(r, w) {
   const angle = length(r), once = cross(r, w);
-  const part = angle > 1e-3 ? 1 / (angle * angle) - (1 + Math.cos(angle)) / (2 * angle * Math.sin(angle)) : 1 / 12;
+  const part = angle > SHORT_TURN ? 1 / (angle * angle) - (1 + Math.cos(angle)) / (2 * angle * Math.sin(angle)) : 1 / 12;
   return add(sub(w, scaled(once, 0.5)), scaled(cross(r, once), part));
 }
 

@@ -15,7 +15,7 @@ class Camera {
   }
 
   turnTo(azimuth, elevation) {
-    const limit = Math.PI / 2 - 0.001;
+    const limit = Math.PI / 2 - VISIBLE;
     this.azimuth = azimuth;
     this.elevation = Math.max(-limit, Math.min(limit, elevation));
     const { right, up, back } = this.base;

@@ -7,6 +7,7 @@ is a thin line between its parts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, permutations
@@ -15,12 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tolerance import EQUAL, EQUAL_IN_SIX_DIGITS, NEGLIGIBLE, VISIBLE
 from .geometry import plain
 
 FloatArray = NDArray[np.float64]
 
 PULLEYS = 0.42
 """Two pulleys of a belt together, relative to the distance of their axes, where there is no room for theirs."""
+MOST_PULLEYS = 0.85
+"""Two pulleys as large as one that is drawn must be smaller together. Scale: fraction of the distance of their axes.
+Reason: a belt is seen between them."""
+BESIDE = 0.2
+"""A wheel farther from its bearing has a shaft to it. Scale: fraction of its radius. Reason: nearer it is covered."""
+CLOSED_TURN = 1.99 * math.pi
+"""The outline of a cam that turned farther is closed. Scale: rad. Reason: a turn of a run, but for its last
+output."""
 ROUND = 73
 """Points of a belt around a pulley: enough that no corner is visible."""
 TEETH = range(16, 33)
@@ -89,7 +99,7 @@ class _Artist:
                 made = Turn(*ends, np.array(joint["point"], dtype=float), axis / np.linalg.norm(axis))
                 (self.turns if joint["kind"] == "revolute" else self.slides)[joint["name"]] = made
         self.found = Pictures()
-        self.pulleys: dict[tuple[int, tuple[float, ...]], float] = {}
+        self.pulleys: dict[tuple[int, ...], float] = {}
 
     def draw(self) -> Pictures:
         for coupling in self.spec.get("couplings", ()):
@@ -158,7 +168,7 @@ class _Artist:
         """Two wheels in contact: their rates, relative to the arm that carries both axes, have the ratio of the
         factors."""
         axes = [self.turns[name].axis for name in joints]
-        parallel = all(abs(abs(axis @ axes[0]) - 1.0) < 1e-9 for axis in axes)
+        parallel = all(abs(abs(axis @ axes[0]) - 1.0) < EQUAL for axis in axes)
         if not parallel:
             return len(joints) == 2 and self.bevel(joints, factors)
         weight: dict[int, float] = {}
@@ -168,7 +178,7 @@ class _Artist:
             weight[turn.child] = weight.get(turn.child, 0.0) + along
             weight[turn.parent] = weight.get(turn.parent, 0.0) - along
         most = max(map(abs, weight.values()))
-        bodies = [body for body, w in weight.items() if abs(w) > 1e-9 * most]
+        bodies = [body for body, w in weight.items() if abs(w) > NEGLIGIBLE * most]
         if len(bodies) != 3:
             return False
         for arm, first, second in permutations(bodies):
@@ -181,7 +191,7 @@ class _Artist:
             apart = apart - (apart @ axes[0]) * axes[0]
             distance = float(np.linalg.norm(apart))
             a, b = weight[first], weight[second]
-            if distance < 1e-6 * self.size or abs(a + b) < 1e-9 * most:
+            if distance < EQUAL_IN_SIX_DIGITS * self.size or abs(a + b) < NEGLIGIBLE * most:
                 continue
             scale = distance / (abs(a) + abs(b)) if a * b > 0 else distance / abs(abs(a) - abs(b))
             radii = abs(a) * scale, abs(b) * scale
@@ -189,10 +199,14 @@ class _Artist:
             return True
         return False
 
+    def seat(self, turn: Turn) -> tuple[int, ...]:
+        """The body of a hinge and its place there, the same for all that are in one place."""
+        return turn.child, *np.round(turn.point / (EQUAL * self.size or 1.0)).astype(int).tolist()
+
     def axis_of(self, body: int, arm: int, along: FloatArray) -> FloatArray | None:
         """A point of the axis about which a body rotates relative to the arm: a hinge between them, or a shared
         line."""
-        near = [turn for turn in self.turns.values() if abs(abs(turn.axis @ along) - 1.0) < 1e-9]
+        near = [turn for turn in self.turns.values() if abs(abs(turn.axis @ along) - 1.0) < EQUAL]
         for turn in near:
             if {turn.parent, turn.child} == {body, arm}:
                 return turn.point
@@ -202,7 +216,7 @@ class _Artist:
                     continue
                 shared = {one.parent, one.child} & {other.parent, other.child}
                 beside = other.point - one.point
-                if shared and np.linalg.norm(beside - (beside @ along) * along) < 1e-9 * self.size:
+                if shared and np.linalg.norm(beside - (beside @ along) * along) < EQUAL * self.size:
                     return one.point
         return None
 
@@ -249,8 +263,8 @@ class _Artist:
     def wheel(self, body: int, centre: FloatArray, radius: float) -> dict[str, Any] | None:
         here = np.array(self.local(body, centre))
         for wheel in self.found.wheels:
-            same = wheel["body"] == body and abs(wheel["radius"] - radius) < 1e-6 * radius
-            if same and np.linalg.norm(np.array(wheel["center"]) - here) < 1e-6 * self.size:
+            same = wheel["body"] == body and abs(wheel["radius"] - radius) < EQUAL_IN_SIX_DIGITS * radius
+            if same and np.linalg.norm(np.array(wheel["center"]) - here) < EQUAL_IN_SIX_DIGITS * self.size:
                 return wheel
         return None
 
@@ -284,7 +298,7 @@ class _Artist:
             return False
         normal = np.cross(a.axis, b.axis)
         beside = b.point - a.point
-        if abs(beside @ normal) > 1e-6 * self.size * np.linalg.norm(normal):
+        if abs(beside @ normal) > EQUAL_IN_SIX_DIGITS * self.size * np.linalg.norm(normal):
             return False  # the axes are skew
         along = np.cross(beside, b.axis) @ normal / (normal @ normal)
         apex = a.point + along * a.axis
@@ -300,11 +314,11 @@ class _Artist:
         for turn, radius in zip((a, b), lengths, strict=True):
             centre = apex + scale * (line @ turn.axis) * turn.axis
             tips.append((centre, radius * scale, turn))
-        if min(lengths) < 1e-3 * max(lengths):
+        if min(lengths) < VISIBLE * max(lengths):
             return False
         teeth = self.teeth(lengths, [None, None])
         for (centre, radius, turn), n in zip(tips, teeth, strict=True):
-            if np.linalg.norm(centre - turn.point) > 0.2 * radius:  # a shaft to the wheel from its bearing
+            if np.linalg.norm(centre - turn.point) > BESIDE * radius:  # a shaft to the wheel from its bearing
                 ends = {f"body{end}": turn.child for end in (1, 2)}
                 joint_points = self.local(turn.child, turn.point), self.local(turn.child, centre)
                 self.found.rods.append({**ends, "point1": joint_points[0], "point2": joint_points[1]})
@@ -332,13 +346,13 @@ class _Artist:
         if len(joints) != 2:
             return False
         a, b = (self.turns[name] for name in joints)
-        if a.parent != b.parent or abs(abs(a.axis @ b.axis) - 1.0) > 1e-9:
+        if a.parent != b.parent or abs(abs(a.axis @ b.axis) - 1.0) > EQUAL:
             return False
         axis = a.axis
         apart = b.point - a.point
         apart = apart - (apart @ axis) * axis
         distance = float(np.linalg.norm(apart))
-        if distance < 1e-6 * self.size:
+        if distance < EQUAL_IN_SIX_DIGITS * self.size:
             return False
         x = apart / distance
         y = np.cross(axis, x)
@@ -346,12 +360,12 @@ class _Artist:
         weights = abs(factors[0]), abs(factors[1])
         scale = PULLEYS * distance / sum(weights)
         for turn, weight in zip((a, b), weights, strict=True):  # a pulley already drawn for another belt
-            known = self.pulleys.get((turn.child, tuple(np.round(turn.point, 9))))
-            if known is not None and known / weight * sum(weights) < 0.85 * distance:
+            known = self.pulleys.get(self.seat(turn))
+            if known is not None and known / weight * sum(weights) < MOST_PULLEYS * distance:
                 scale = known / weight
         drawn = list(radii) if radii and sum(radii) < distance else [weight * scale for weight in weights]
         for turn, radius in zip((a, b), drawn, strict=True):
-            self.pulleys.setdefault((turn.child, tuple(np.round(turn.point, 9))), radius)
+            self.pulleys.setdefault(self.seat(turn), radius)
             self.found.wheels.append(
                 {
                     "body": turn.child,
@@ -378,7 +392,7 @@ class _Artist:
     def rack(self, slide: Turn, turn: Turn, radius: float, name: str) -> bool:
         """A pinion, and a rack as long as its travel; the sign of the radius determines the side."""
         up = np.cross(slide.axis, turn.axis)
-        if np.linalg.norm(up) < 1e-6:
+        if np.linalg.norm(up) < EQUAL_IN_SIX_DIGITS:
             return False
         up *= np.sign(radius) / np.linalg.norm(up)
         radius = abs(radius)
@@ -419,13 +433,13 @@ class _Artist:
 
     def cam(self, slide: Turn, turn: Turn, lift: FloatArray, angle: FloatArray) -> bool:
         """The outline of the cam for a pointed follower on its slide, and the follower."""
-        if abs(slide.axis @ turn.axis) > 1e-6 or len(lift) < 8 or not np.isfinite(lift + angle).all():
+        if abs(slide.axis @ turn.axis) > EQUAL_IN_SIX_DIGITS or len(lift) < 8 or not np.isfinite(lift + angle).all():
             return False
         arms = slide.point - turn.point
         up = slide.axis * (1.0 if arms @ slide.axis >= 0 else -1.0)
         beside = arms - (arms @ up) * up - (arms @ turn.axis) * turn.axis
         stroke = float(np.ptp(lift))
-        if np.linalg.norm(beside) > 1e-6 * self.size or stroke == 0.0:
+        if np.linalg.norm(beside) > EQUAL_IN_SIX_DIGITS * self.size or stroke == 0.0:
             return False
         rise = lift * float(np.sign(up @ slide.axis))
         base = max(2.0 * stroke, 0.3 * float(arms @ up)) - float(rise.min())
@@ -433,7 +447,7 @@ class _Artist:
         order = np.argsort(angle % (2.0 * np.pi))
         turned = -(angle % (2.0 * np.pi))[order]
         radius = (base + rise)[order]
-        closed = float(np.ptp(angle)) > 1.99 * np.pi
+        closed = float(np.ptp(angle)) > CLOSED_TURN
         step = max(1, len(order) // LONGEST_PATH)
         ring = [
             turn.point + r * (np.cos(t) * up + np.sin(t) * side)

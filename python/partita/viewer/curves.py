@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..naming import coordinate_units
-from ..result_view import LOAD_UNITS, NEGLIGIBLE, ResultView, given, understood
+from ..result_view import LOAD_UNITS, ResultView, given, understood
+from ..tolerance import NEGLIGIBLE, VISIBLE
 
 FloatArray = NDArray[np.float64]
 
@@ -128,7 +129,7 @@ def _first(result: ResultView, found: list[dict[str, Any]]) -> list[int]:
 def _moving(values: FloatArray) -> list[int]:
     """Columns (nt, n) that change over time, in their order; those that hardly do come after them."""
     spread = np.nan_to_num(np.ptp(values, axis=0))
-    return [int(i) for i in np.argsort(spread < 1e-3 * spread.max(initial=0.0), kind="stable")]
+    return [int(i) for i in np.argsort(spread < VISIBLE * spread.max(initial=0.0), kind="stable")]
 
 
 def loads_open(result: ResultView, name: str) -> list[bool]:

@@ -153,7 +153,7 @@ function short(x, digits = 4) {
   if (!Number.isFinite(x)) return "–";
   if (x === 0) return "0";
   const size = Math.abs(x);
-  if (size >= 1e5 || size < 1e-3) return x.toExponential(digits - 2).replace("e+", "e");
+  if (size >= 1e5 || size < SHORT_NUMBER) return x.toExponential(digits - 2).replace("e+", "e");
   return size >= 10 ** (digits - 1) ? String(Math.round(x)) : x.toPrecision(digits);
 }
 
@@ -161,12 +161,10 @@ const PREFIXES = ["p", "n", "µ", "m", "", "k", "M", "G"];
 
 /** A round value with its unit, with a prefix where it would have many zeros. */
 function withUnit(value, unit) {
-  if (value >= 1e-3 && value < 1e5) return `${Number(value.toPrecision(1))} ${unit}`;
-  const power = Math.floor(Math.log10(value) / 3 + 1e-9), prefix = PREFIXES[power + 4];
+  if (value >= SHORT_NUMBER && value < 1e5) return `${Number(value.toPrecision(1))} ${unit}`;
+  const power = Math.floor(Math.log10(value) / 3 + EQUAL), prefix = PREFIXES[power + 4];
   return prefix === undefined ? `${value.toExponential(0).replace("e+", "e")} ${unit}` : `${Math.round(value / 10 ** (3 * power))} ${prefix}${unit}`;
 }
-
-const NEGLIGIBLE = 1e-9; // of the scale of its unit in the run (result_view.py): a smaller value is round-off
 
 /** The largest magnitude among finite numbers. */
 function largest(line) {

@@ -27,6 +27,10 @@ from .stage import Stage
 
 FloatArray = NDArray[np.float64]
 
+TOO_SHORT = 2.0
+"""Shorter runs are shown slower. Scale: s. Reason: less cannot be followed."""
+TOO_LONG = 20.0
+"""Longer runs are shown faster. Scale: s. Reason: more is not watched."""
 MOST_PICTURES = 900
 
 
@@ -101,7 +105,13 @@ def _chosen(t: FloatArray, fps: float, speed: float | None) -> tuple[list[int], 
     duration = float(t[-1] - t[0])
     if duration == 0.0:
         return [0], fps, 1.0
-    factor = _positive("speed", speed) if speed is not None else 1.0 if 2.0 <= duration <= 20.0 else duration / 10.0
+    factor = (
+        _positive("speed", speed)
+        if speed is not None
+        else 1.0
+        if TOO_SHORT <= duration <= TOO_LONG
+        else duration / 10.0
+    )
     count = max(2, round(duration / factor * fps))
     if count > MOST_PICTURES:
         raise ArgumentError(

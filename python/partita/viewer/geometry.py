@@ -7,18 +7,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tolerance import EQUAL_IN_SIX_DIGITS, NEARLY_ALONG, VISIBLE
+
 FloatArray = NDArray[np.float64]
 
 MOSTLY_SEEN = 0.25
-"""A planar mechanism of which a larger fraction of parts is hidden face-on is viewed obliquely."""
+"""A planar mechanism of which more is hidden face-on is viewed obliquely. Scale: fraction of its parts. Reason: a
+quarter is missed."""
 
 
-ROUND = 1e-6
-"""Principal moments of inertia that differ by less belong to a round body."""
-
-
+BEHIND = 0.03
+"""Parts nearer in a picture hide each other. Scale: fraction of what is shown. Reason: the width of a link."""
+APART = 0.08
+"""Parts farther apart in space are not one. Scale: fraction of what is shown. Reason: more than the width of a
+link."""
+SHORTENED = 0.1
+"""A direction of which less is left in the picture is not the upward one. Scale: fraction of its length. Reason: six
+degrees."""
+MIRRORED = 0.5
+"""A determinant of directions that differs from -1 by less is that of a reflection. Scale: 1. Reason: it is 1 or
+-1."""
 DEEP = 0.2
-"""A planar mechanism that extends farther across its plane than this fraction of its extent is viewed obliquely too."""
+"""A planar mechanism that extends farther across its plane is viewed obliquely too. Scale: fraction of its extent.
+Reason: an engine does, a linkage does not."""
 
 
 def solid_of(mass: float, com: FloatArray, inertia: FloatArray) -> dict[str, Any] | None:
@@ -29,13 +40,13 @@ def solid_of(mass: float, com: FloatArray, inertia: FloatArray) -> dict[str, Any
     if not mass > 0.0 or not np.isfinite(inertia).all():
         return None
     moments, axes = np.linalg.eigh(inertia / mass)
-    if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + ROUND):
+    if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + EQUAL_IN_SIX_DIGITS):
         return None
-    if np.ptp(moments) <= ROUND * moments[2]:
+    if np.ptp(moments) <= EQUAL_IN_SIX_DIGITS * moments[2]:
         return {"kind": "ball", "radius": float(np.sqrt(2.5 * moments.mean())), "center": plain(com)}
     for alone, pair in ((2, (0, 1)), (0, (1, 2))):
         across = moments[list(pair)]
-        if np.ptp(across) > ROUND * moments[2]:
+        if np.ptp(across) > EQUAL_IN_SIX_DIGITS * moments[2]:
             continue
         radius = np.sqrt(2.0 * moments[alone])
         length = np.sqrt(max(0.0, 12.0 * (across.mean() - 0.5 * moments[alone])))
@@ -44,7 +55,7 @@ def solid_of(mass: float, com: FloatArray, inertia: FloatArray) -> dict[str, Any
             "kind": "cylinder", "radius": float(radius), "length": float(max(length, 0.02 * radius)),
             "center": plain(com), "axis": plain(axis),
         }  # fmt: skip
-    if abs(np.linalg.det(axes) + 1.0) < 0.5:
+    if abs(np.linalg.det(axes) + 1.0) < MIRRORED:
         axes = axes * [1.0, 1.0, -1.0]
     sides = np.sqrt(np.maximum(0.0, 6.0 * (moments.sum() - 2.0 * moments)))
     sides = np.maximum(sides, 0.02 * sides.max())
@@ -56,9 +67,9 @@ def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
 
     `rod` between two points or the ends of a line, `plate` around points in a plane, `star` from the middle
     to points in space, `hammer` from a single point to the centre of mass, `ball` when there is no extent.
-    Points closer than 1e-6 of `size` are one.
+    Points as near as six digits of `size` are one.
     """
-    near = 1e-6 * size
+    near = EQUAL_IN_SIX_DIGITS * size
     distinct: list[FloatArray] = []
     for point in points:
         if all(np.linalg.norm(point - other) > near for other in distinct):
@@ -72,7 +83,7 @@ def outline(points: FloatArray, com: FloatArray, size: float) -> dict[str, Any]:
     cloud = np.array(distinct)
     middle = cloud.mean(axis=0)
     _, extent, axes = np.linalg.svd(cloud - middle, full_matrices=False)
-    thin = 1e-3 * extent[0]
+    thin = VISIBLE * extent[0]
     if len(distinct) == 2 or extent[1] <= thin:
         along = (cloud - middle) @ axes[0]
         return {"kind": "rod", "points": [plain(cloud[along.argmin()]), plain(cloud[along.argmax()])]}
@@ -96,7 +107,7 @@ def view(
     """
     if normal is None:
         up = _up(gravity, None)
-        back = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 0.9 else np.array([0.0, -1.0, 0.0])
+        back = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < NEARLY_ALONG else np.array([0.0, -1.0, 0.0])
     else:
         back = normal / np.linalg.norm(normal)
         up = _up(gravity, back)
@@ -129,14 +140,14 @@ def _hidden(
     if size == 0.0:
         return 0.0
     picture = np.stack([parts @ across, parts @ np.cross(towards, across)], axis=1)
-    near = np.linalg.norm(picture[:, None] - picture[None], axis=2) < 0.03 * size
-    return float((near & (apart > 0.08 * size)).any(axis=1).mean())
+    near = np.linalg.norm(picture[:, None] - picture[None], axis=2) < BEHIND * size
+    return float((near & (apart > APART * size)).any(axis=1).mean())
 
 
 def plane_normal(points: FloatArray) -> FloatArray | None:
     """Normal of the plane in which points (np, 3) lie best; None when they lie on a line or in one place."""
     _, extent, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    if len(extent) < 3 or extent[1] <= 1e-6 * max(extent[0], 1e-300):
+    if len(extent) < 3 or extent[1] <= EQUAL_IN_SIX_DIGITS * extent[0]:
         return None
     normal: FloatArray = axes[2]
     return normal
@@ -149,9 +160,10 @@ def _up(gravity: FloatArray | None, back: FloatArray | None) -> FloatArray:
         wanted.append(np.array([0.0, 0.0, 1.0]))
         return next(_unit(w) for w in wanted if np.linalg.norm(w) > 0)
     y, z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    wanted += [y, z] if abs(back[2]) > 0.9 else [z, y]
+    wanted += [y, z] if abs(back[2]) > NEARLY_ALONG else [z, y]
     thin = [w - (w @ back) * back for w in wanted]
-    return next(_unit(f) for f, w in zip(thin, wanted, strict=True) if np.linalg.norm(f) > 0.1 * np.linalg.norm(w))
+    left = (np.linalg.norm(f) > SHORTENED * np.linalg.norm(w) for f, w in zip(thin, wanted, strict=True))
+    return next(_unit(f) for f, seen in zip(thin, left, strict=True) if seen)
 
 
 def _area(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .meshes import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
 
 FloatArray = NDArray[np.float64]
@@ -157,7 +158,8 @@ def _vector(argument: str, what: str, value: Any) -> list[float]:
 def _axes(what: str, value: Any) -> list[list[float]]:
     """Directions x, y, z of a box or a mesh, in body axes."""
     array = _numbers(value)
-    if array.shape != (3, 3) or not np.isfinite(array).all() or np.abs(array @ array.T - np.eye(3)).max() > 1e-6:
+    known = array.shape == (3, 3) and np.isfinite(array).all()
+    if not known or np.abs(array @ array.T - np.eye(3)).max() > EQUAL_IN_SIX_DIGITS:
         wanted = "three unit vectors perpendicular to each other, in body axes"
         _fail("shapes", f"{what} must be {wanted}, not {shown(value)}")
     return [[float(x) for x in direction] for direction in array]

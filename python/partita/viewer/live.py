@@ -17,6 +17,7 @@ from ..errors import ArgumentError
 from ..extras import extra
 from ..numeric import shown
 from ..result_view import ResultView
+from ..tolerance import LONG_ROUNDING
 from .hints import solids
 from .scene import describe
 
@@ -311,7 +312,7 @@ def _from_z(along: FloatArray) -> FloatArray:
     """The quaternion that rotates z into a direction, scalar first."""
     length = float(np.linalg.norm(along))
     x, y, z = along / length if length > 0.0 else (0.0, 0.0, 1.0)
-    if z < -1.0 + 1e-12:
+    if z < LONG_ROUNDING - 1.0:
         return np.array([0.0, 1.0, 0.0, 0.0])
     quaternion = np.array([1.0 + z, -y, x, 0.0])
     turned: FloatArray = quaternion / np.linalg.norm(quaternion)

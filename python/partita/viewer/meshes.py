@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError, FileFormatError
 from ..extras import extra
 from ..files import get
+from ..tolerance import SINGLE
 
 FloatArray = NDArray[np.float64]
 
@@ -86,7 +87,7 @@ def inside(folder: Path, name: str) -> Path:
 
 def simplified(points: FloatArray, faces: NDArray[np.int_], most: int) -> tuple[FloatArray, NDArray[np.int_]]:
     """The same with at most `most` triangles: vertices in one cell of a grid are merged at their centroid."""
-    points, faces = _clustered(points, faces, 1e-7)
+    points, faces = _clustered(points, faces, SINGLE)
     cells = 4.0 * np.sqrt(most)
     while len(faces) > most:
         points_, faces_ = _clustered(points, faces, 1.0 / cells)

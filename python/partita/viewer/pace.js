@@ -30,7 +30,7 @@ function usualSpeed(duration, rate) {
 
 /** A speed in words. */
 function paceText(speed) {
-  if (Math.abs(speed - 1) < 1e-9) return "real time";
+  if (Math.abs(speed - 1) < EQUAL) return "real time";
   const factor = speed > 1 ? speed : 1 / speed, digits = Number(factor.toPrecision(2));
   return speed > 1 ? `${digits} × real time` : `1/${digits} of real time`;
 }

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tolerance import LONG_ROUNDING, SINGLE
+
 FloatArray = NDArray[np.float64]
 
 MOST_FRAMES = 1500
@@ -19,8 +21,6 @@ SMOOTH = 600
 BYTES = 940_000
 """Target size of the data that a run adds to a page; for large mechanisms fewer outputs are kept, to stay below it."""
 
-NEGLIGIBLE = 1e-7
-"""A column that moves less than this fraction of its table is constant: single precision ends there too."""
 LEVELS = 65534
 """Steps of a number in two bytes over the range of its column; one more represents non-finite values."""
 
@@ -64,7 +64,7 @@ def _moving(table: FloatArray) -> NDArray[np.bool_]:
     scale = float(np.max(np.abs(table), where=finite, initial=0.0))
     with np.errstate(invalid="ignore"):
         spread = np.ptp(table, axis=0)
-    moving: NDArray[np.bool_] = ~(finite.all(axis=0) & (spread <= NEGLIGIBLE * scale))
+    moving: NDArray[np.bool_] = ~(finite.all(axis=0) & (spread <= SINGLE * scale))
     return moving
 
 
@@ -77,7 +77,7 @@ def _chosen(table: FloatArray, nt: int, count: int) -> tuple[NDArray[np.int_], f
     stray[even] = -1.0
     # Ties are common (a constant table): they are spread evenly too.
     spread = np.unique(np.round(np.linspace(0, nt - 1, count)).astype(int))
-    stray[spread] += 1e-12 * (1.0 + float(stray.max(initial=0.0)))
+    stray[spread] += LONG_ROUNDING * (float(stray.max(initial=0.0)) or 1.0)
     worst = np.argsort(-stray, kind="stable")[: count - len(even)]
     frames = np.union1d(even, worst)
     return frames, float(_stray(table, frames).max(initial=0.0))

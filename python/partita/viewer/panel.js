@@ -29,7 +29,7 @@ class Panel {
     this.curveOf = new Map(run.scene.curves.map((curve) => [curve.name, curve]));
     const { scene } = run, table = run.tables.measure, { values } = table;
     const driven = scene.drives.length > 0 && scene.independent.every(([, indices]) => !indices.length);
-    const open = !driven && scene.velocities.length > 0 && values.every((rho) => rho > 1 - 1e-6);
+    const open = !driven && scene.velocities.length > 0 && values.every((rho) => rho > 1 - EQUAL_IN_SIX_DIGITS);
     const entries = driven ? this.transmission() : open ? this.coordinates() : this.measures();
     document.getElementById("about").replaceChildren(...(entries.length ? this.heading(driven, open) : ["Coordinates"]));
     document.querySelector(".legend").hidden = driven || open || !entries.length;

@@ -1,5 +1,8 @@
 // Paths of points over a run, as strokes: smooth through the outputs, dots where these lie too far apart for a line.
 
+// Paths that move by less are not drawn, and bends of less are straight. Scale: fraction of the size. Reason: two pixels of a thousand.
+const STROKE = 2e-3;
+
 const FARTHEST = Math.cos(Math.PI / 4); // where a path turns farther than this at both ends of a step, no line is drawn
 const FINEST = 0.12; // a stroke turns by less than this angle [rad] from point to point
 const CELLS = 50; // resolution of a path: this many cells over the whole extent
@@ -15,7 +18,7 @@ function findPaths(run) {
     const held = s.joints.map((j) => (j.child === b ? j.at : j.parent === b ? j.atParent : null)).filter(Boolean);
     if (body.points.length > 2) return;
     for (const p of body.points) {
-      if (held.every((h) => length(sub(h, p)) > 1e-3 * s.size)) sources.push((f) => run.placed(f, b, p));
+      if (held.every((h) => length(sub(h, p)) > VISIBLE * s.size)) sources.push((f) => run.placed(f, b, p));
     }
   });
   for (const { body, at } of s.points) sources.push((f) => run.placed(f, body, at));
@@ -24,11 +27,11 @@ function findPaths(run) {
   const times = instants.map((f) => run.timeOf(f));
   for (const source of sources) {
     const path = instants.map(source);
-    const moves = path.some((p) => length(sub(p, path[0])) > 2e-3 * s.size);
+    const moves = path.some((p) => length(sub(p, path[0])) > STROKE * s.size);
     const key = path.filter((_, i) => i % 7 === 0).flat().map((x) => Math.round((1e4 * x) / s.size)).join();
     if (moves && !seen.has(key)) {
       seen.add(key);
-      const strokes = strokesOf(path, times, 2e-3 * s.size), tangled = isTangled(strokes, s.size);
+      const strokes = strokesOf(path, times, STROKE * s.size), tangled = isTangled(strokes, s.size);
       paths.push({ strokes: tangled ? strokes : drawnOnce(strokes, s.size), tangled });
     }
   }

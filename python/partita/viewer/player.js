@@ -204,7 +204,7 @@ function onPointerMove(e) {
   } else if (last.moves || e.shiftKey) {
     camera.move(dx, dy);
   } else {
-    camera.turnTo(camera.azimuth - dx * 0.008, camera.elevation + dy * 0.008);
+    camera.turnTo(camera.azimuth - dx * TURN_OF_PIXEL, camera.elevation + dy * TURN_OF_PIXEL);
   }
   pointers.set(e.pointerId, { x: e.clientX, y: e.clientY, moves: last.moves });
   byId("tip").hidden = true;
@@ -244,7 +244,7 @@ function bindPointer() {
   canvas.addEventListener("dblclick", () => { scene.resetView(); redraw(); });
   canvas.addEventListener("wheel", (e) => {
     e.preventDefault();
-    scene.camera.zoom(Math.exp(-Math.max(-200, Math.min(200, e.deltaY)) * 0.0015), e.offsetX, e.offsetY);
+    scene.camera.zoom(Math.exp(-Math.max(-200, Math.min(200, e.deltaY)) * ZOOM_OF_PIXEL), e.offsetX, e.offsetY);
     redraw();
   }, { passive: false });
 }

@@ -1,5 +1,7 @@
 // Small plots over time under the scene, with a cursor at the instant shown.
 
+// Curves that vary by less are drawn as constant. Scale: fraction of their largest value. Reason: as in figures.
+const CONSTANT = 1e-4;
 const MOST_PLOTS = 8;
 const MOST_TURNS = 8; // turns of the motion on a plot at first; of a run with many more a part is shown at a time
 
@@ -56,7 +58,7 @@ class Plots {
 
   /** First and last time on the plots: the part of the run that holds a time. */
   part(time) {
-    const first = this.start + Math.floor(Math.min(time - this.start, this.whole * (1 - 1e-9)) / this.span) * this.span;
+    const first = this.start + Math.floor(Math.min(time - this.start, this.whole * (1 - EQUAL)) / this.span) * this.span;
     return [first, Math.min(first + this.span, this.start + this.whole)];
   }
 
@@ -168,8 +170,8 @@ class Plots {
     for (const line of values) for (const y of line) if (Number.isFinite(y)) { low = Math.min(low, y); high = Math.max(high, y); }
     if (!(low <= high)) { low = 0; high = 1; }
     // Round-off is not blown up to a curve, as in figures (`level` in plots/style.py).
-    const most = Math.max(Math.abs(low), Math.abs(high)), least = this.negligible(curve.unit), flat = high - low <= Math.max(least, 1e-4 * most);
-    const spare = flat ? 0.5 * (Math.max(most, 1e4 * least) || 1) : 0.06 * (high - low);
+    const most = Math.max(Math.abs(low), Math.abs(high)), least = this.negligible(curve.unit), flat = high - low <= Math.max(least, CONSTANT * most);
+    const spare = flat ? 0.5 * (Math.max(most, least / CONSTANT) || 1) : 0.06 * (high - low);
     [low, high] = [low - spare, high + spare];
     const marks = ticksOf(low, high, 3).map((y) => [y, tickText(y, high - low)]);
     box.left = plot.left = Math.min(0.4 * box.width, 8 + Math.max(24, ...marks.map(([, text]) => c.measureText(text).width)));
@@ -271,13 +273,13 @@ function ticksOf(low, high, count) {
   let step = roundBelow((high - low) / count);
   while ((high - low) / step > count + 1.5) step *= 2;
   const found = [];
-  for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(n * step);
+  for (let n = Math.ceil(low / step - EQUAL); n * step <= high + EQUAL * step; n++) found.push(n * step);
   return found;
 }
 
 function tickText(x, span) {
-  if (Math.abs(x) < 1e-9 * span) return "0";
+  if (Math.abs(x) < NEGLIGIBLE * span) return "0";
   const size = Math.abs(x);
-  if (size >= 1e5 || size < 1e-3) return x.toExponential(span / size < 0.2 ? 2 : 1).replace("e+", "e");
+  if (size >= 1e5 || size < SHORT_NUMBER) return x.toExponential(span / size < 0.2 ? 2 : 1).replace("e+", "e");
   return String(Number(x.toFixed(Math.max(0, Math.min(9, 1 - Math.floor(Math.log10(span)))))));
 }

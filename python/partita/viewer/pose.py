@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tolerance import HALFWAY_ALONG, LEAST_DIVISOR, VISIBLE
+
 FloatArray = NDArray[np.float64]
 
 MOST_PATHS = 6
@@ -97,7 +99,7 @@ class Pose:
         if any(-1 in pair for pair in ends) or not self.scene["bodies"]:
             return False
         whole, near = (float(np.linalg.norm(np.ptp(self.extent(about), axis=0))) for about in (None, self.middle()))
-        return whole > 2.0 * near
+        return whole > 2 * near
 
     def strokes(self, least: float) -> list[FloatArray]:
         """Strokes (n, 3) of the paths to trace, dots where n is 1: of the requested points, or of moving joints if
@@ -142,9 +144,9 @@ class Pose:
         centre, seats = points[0], points[1:]
         for i in range(len(seats) if len(seats) > 2 else 1):
             a, b = seats[i] - centre, seats[(i + 1) % len(seats)] - centre
-            cosine = a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-300)
+            cosine = a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), LEAST_DIVISOR)
             angle = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-            if np.sin(angle) < 1e-3:
+            if np.sin(angle) < VISIBLE:
                 yield centre + a, centre + b
                 continue
             s = np.linspace(0.0, 1.0, 13)[:, None]
@@ -193,7 +195,7 @@ def corners(part: Mapping[str, Any], wider: float = 1.0) -> FloatArray:
         r = 0.5 * float(np.linalg.norm(part["size"])) if kind == "box" else part["radius"]
         return centre + r * np.concatenate([np.eye(3), -np.eye(3)])
     axis = np.array(part["axis"])
-    u = np.cross(axis, [1.0, 0, 0] if abs(axis[0]) < 0.7 else [0, 1.0, 0])
+    u = np.cross(axis, [1.0, 0, 0] if abs(axis[0]) < HALFWAY_ALONG else [0, 1.0, 0])
     u /= np.linalg.norm(u)
     angle = np.linspace(0.0, 2.0 * np.pi, 9)[:-1]
     rim = wider * part["radius"] * (np.outer(np.cos(angle), u) + np.outer(np.sin(angle), np.cross(axis, u)))

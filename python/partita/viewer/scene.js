@@ -96,7 +96,7 @@ class Scene {
   resetView() {
     this.camera.turnTo(this.run.scene.view.azimuth, this.run.scene.view.elevation);
     if (!this.extent.length) return;
-    const { camera } = this, spare = 3.2 * this.radius + 1e-3 * this.size;
+    const { camera } = this, spare = 3.2 * this.radius + VISIBLE * this.size;
     const held = (this.options.follow ? this.near : this.extent).concat(this.feet());
     camera.origin = [0, 0, 0];
     camera.fit(held, spare);
@@ -179,7 +179,7 @@ class Scene {
     if (!Number.isFinite(level)) return;
     level = ground ? dot(ground.point, up) : level - 3 * this.radius;
     const cell = roundBelow(this.size / 5);
-    const ends = grid.map(([low, high]) => [Math.floor(low / cell) - 0.001, Math.ceil(high / cell) + 0.001]);
+    const ends = grid.map(([low, high]) => [Math.floor(low / cell) - VISIBLE, Math.ceil(high / cell) + VISIBLE]);
     const at = (x, z) => this.camera.project(add(scaled(up, level), add(scaled(right, x * cell), scaled(back, z * cell))));
     const draw = (p, q) => { if (p && q) painter.line([p, q], COLOURS.grid, 1); };
     for (let x = Math.ceil(ends[0][0]); x <= ends[0][1]; x++) draw(at(x, ends[1][0]), at(x, ends[1][1]));
@@ -250,7 +250,7 @@ class Scene {
     for (let i = 0; i < turns; i++) {
       const a = sub(seats[i], centre), b = sub(seats[(i + 1) % seats.length], centre), count = 12;
       const angle = Math.acos(Math.max(-1, Math.min(1, dot(unit(a), unit(b))))), sine = Math.sin(angle);
-      if (sine < 1e-3) { painter.rod(add(centre, a), add(centre, b), 0.7 * radius, colour, this.piecesOf(a, b)); continue; }
+      if (sine < VISIBLE) { painter.rod(add(centre, a), add(centre, b), 0.7 * radius, colour, this.piecesOf(a, b)); continue; }
       const at = (s) => add(centre, add(scaled(a, Math.sin((1 - s) * angle) / sine), scaled(b, Math.sin(s * angle) / sine)));
       for (let k = 0; k < count; k++) painter.rod(at(k / count), at((k + 1) / count), 0.8 * radius, colour, 1);
     }

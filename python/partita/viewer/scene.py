@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..result_view import FEW, ResultView, given, scales, turn_between_outputs, understood
+from ..tolerance import EQUAL_IN_SIX_DIGITS, LEAST_DIVISOR, NEGLIGIBLE
 from .couplings import Pictures, pictures
 from .curves import curves, efforts, loads_open
 from .geometry import outline, plane_normal, solid_of, view
@@ -243,7 +244,8 @@ def _seats(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]
         if joint["kind"] != "revolute" or joint["axis"] is None or joint["atParent"] is None:
             continue
         for group in groups:
-            if np.nanmax(np.linalg.norm(motion.point[:, j] - motion.point[:, group[0]], axis=1)) < 1e-6 * motion.size:
+            apart = np.nanmax(np.linalg.norm(motion.point[:, j] - motion.point[:, group[0]], axis=1))
+            if apart < EQUAL_IN_SIX_DIGITS * motion.size:
                 group.append(j)
                 break
         else:
@@ -257,23 +259,32 @@ def _seats(spec: Mapping[str, Any], motion: Motion, joints: list[dict[str, Any]]
             len(group) < 3
             or others
             or len(records) != motion.position.shape[1]
-            or all(np.linalg.norm(np.cross(first, axis)) < 0.05 for axis in axes.values())
+            or all(np.linalg.norm(np.cross(first, axis)) < ONE_LINE for axis in axes.values())
         ):
             continue
         around = {
             b: _world(motion, b, records[b]["com"]) + motion.position[0, b] - motion.point[0, group[0]] for b in bodies
         }
-        turning = [np.sqrt(2.5 * np.trace(np.array(records[b]["inertia"])) / 3.0 / max(records[b]["mass"], 1e-300))
-                   for b in bodies]  # fmt: skip
+        spread = {b: np.trace(np.array(records[b]["inertia"])) / 3.0 for b in bodies}
+        turning = [np.sqrt(2.5 * spread[b] / max(records[b]["mass"], LEAST_DIVISOR)) for b in bodies]
         typical = float(np.median([np.linalg.norm(com) for com in around.values()]))
-        radius = 1.4 * typical if typical > 0.3 * max(turning) else 1.3 * max(turning)
+        radius = 1.4 * typical if typical > OFF_CENTRE * max(turning) else 1.3 * max(turning)
         for j in group:
             joint = joints[j]
             lean = sum((around[b] for b in _ends(joint) if b >= 0), np.zeros(3))
-            out = (radius if axes[j] @ lean >= -1e-9 * radius else -radius) * axes[j]
+            out = (radius if axes[j] @ lean >= -NEGLIGIBLE * radius else -radius) * axes[j]
             for key, at, body in (("seat", "at", joint["child"]), ("seatParent", "atParent", joint["parent"])):
                 turn = np.eye(3) if body < 0 else motion.rotation[0, body]
                 joint[key] = (np.array(joint[at]) + turn.T @ out).tolist()
+
+
+ONE_LINE = 0.05
+"""Hinges whose axes differ by less are in one line. Scale: sine of the angle. Reason: three degrees."""
+
+
+OFF_CENTRE = 0.3
+"""Bodies whose centres of mass are farther from the point of their axes lie around it. Scale: fraction of their
+radius of gyration. Reason: nearer they turn about themselves."""
 
 
 def _world(motion: Motion, body: int, direction: Any) -> FloatArray:
@@ -294,8 +305,13 @@ def _axes(drawn: Mapping[str, Any]) -> tuple[FloatArray | None, FloatArray | Non
     )
 
 
+RESTING = 1e-5
+"""Points that move by less rest. Scale: fraction of the size of the mechanism. Reason: far less than a pixel, far
+above rounding."""
+
+
 def _rests(points: FloatArray, size: float) -> bool:
-    return bool(np.nanmax(np.abs(points - points[0]), initial=0.0) < 1e-5 * size)
+    return bool(np.nanmax(np.abs(points - points[0]), initial=0.0) < RESTING * size)
 
 
 def _rail(points: FloatArray, axis: FloatArray | None, size: float) -> list[list[float]] | None:
@@ -347,8 +363,15 @@ def _bodies(
     return found
 
 
-LARGE, SMALL = 0.8, 0.05
-"""A solid guessed from an inertia is drawn where it is smaller than all there is, or where there is nothing else."""
+HIDDEN = 0.25
+"""A body whose points are nearer to each other is drawn as the solid of its inertia. Scale: fraction of that solid.
+Reason: its rod would lie in it."""
+LARGE = 0.8
+"""A solid guessed from an inertia is drawn where it is smaller. Scale: fraction of all there is. Reason: a larger one
+covers it."""
+SMALL = 0.05
+"""A solid guessed from an inertia is drawn also where all else is smaller. Scale: fraction of the solid. Reason:
+there is nothing else to see."""
 
 
 def _solids(
@@ -376,7 +399,7 @@ def _solids(
         ends = [np.array(p) for p in body["points"]]
         lever = float(np.linalg.norm(ends[0] - ends[-1]))
         size = max([motion.size, *(2.0 * _lever(joint) for joint in joints)])
-        if lever < 0.25 * extent and (extent < LARGE * size or size < SMALL * extent):
+        if lever < HIDDEN * extent and (extent < LARGE * size or size < SMALL * extent):
             found[i] = [solid]
             shafts = [joint for joint in joints if joint["child"] == i and joint["seat"]]
             coupled.rods.extend({"body1": i, "point1": j["seat"], "body2": i, "point2": j["at"]} for j in shafts)

@@ -15,7 +15,8 @@ from .sheet import FOOT, GROUND, Sheet
 FloatArray = NDArray[np.float64]
 
 EDGE_ON = 0.08
-"""A plane whose normal has less than this towards the camera is drawn as a line."""
+"""A plane whose normal is farther from the line of sight is drawn as a line. Scale: cosine of the angle. Reason: a
+disc of that slope is as thin as its edge."""
 
 
 class Drawn(Protocol):

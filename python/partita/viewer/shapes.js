@@ -247,7 +247,7 @@ class Painter {
     for (const face of faces) {
       const normal = unit(sub(face.reduce(add), scaled(centre, face.length)));
       const ring = face.map((corner) => this.camera.project(corner));
-      if (dot(normal, eye) > 1e-3 && !ring.includes(null)) seen.push([ring, dot(normal, eye)]);
+      if (dot(normal, eye) > VISIBLE && !ring.includes(null)) seen.push([ring, dot(normal, eye)]);
     }
     this.push(p.z + lift, () => {
       for (const [ring, light] of seen) this.polygon(ring, shade(colour, -0.25 + 0.45 * light), COLOURS.edge, 1.1);

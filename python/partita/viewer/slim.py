@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+WHOLE = 1e9
+"""Whole numbers below this are written without a point. Scale: 1. Reason: as many digits as others have."""
 DIGITS = 9
 """Of lengths in a description; the motion itself is kept in single precision."""
 
@@ -34,5 +36,5 @@ def _short(value: Any) -> Any:
         return [_short(x) for x in value]
     if isinstance(value, float):
         short = float(f"{value:.{DIGITS}g}")
-        return int(short) if short.is_integer() and abs(short) < 1e9 else short
+        return int(short) if short.is_integer() and abs(short) < WHOLE else short
     return value

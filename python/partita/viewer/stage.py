@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tolerance import EQUAL, HALFWAY_ALONG, LEAST_DIVISOR, NEARLY_ALONG, VISIBLE
 from .geometry import hull
 from .pose import Pose
 from .scenery import scenery
@@ -37,8 +38,18 @@ FloatArray = NDArray[np.float64]
 FINER = 2
 """Pictures are drawn larger by this factor and reduced: edges become smooth."""
 MOST_ARROW = 1.5
-"""An arrow longer than this many times a large one is cut, and marked."""
+"""A longer arrow is cut, and marked. Scale: multiples of a large one. Reason: it would leave the picture."""
 
+FACELESS = 0.05
+"""Spokes of a face that is seen at less are not drawn. Scale: cosine between its normal and the line of sight.
+Reason: they would cover each other."""
+EYE = 0.4
+"""A hinge whose axis is nearer to the line of sight has an eye on its face. Scale: cosine of the angle. Reason: there
+the face is seen."""
+DOT = 2.5
+"""Hinges of a smaller radius are dots. Scale: pixels. Reason: fewer show no face."""
+MICROMETRES = 1e-3
+"""Shorter lengths are written in micrometres. Scale: m. Reason: whole numbers up to a millimetre."""
 HOLLOW, LONGER = "hollow: not unique, shared by least squares", "double stroke: arrow longer than drawn"
 
 
@@ -188,7 +199,7 @@ class Stage:
             if normal @ (ring.mean(axis=0) - middle) < 0:
                 normal = -normal
             light = float(normal @ self.back)
-            if light > 1e-3:
+            if light > VISIBLE:
                 sheet.add(
                     self.depth([middle]) + 2 * lift / self.radius,
                     partial(self.disc, sheet, ring, shade(colour, -0.25 + 0.45 * light), EDGE),
@@ -210,7 +221,7 @@ class Stage:
     ) -> FloatArray:  # fmt: skip
         """A cylinder; returns the centre of the visible face."""
         facing = axis if axis @ self.back >= 0 else -axis
-        u = np.cross(facing, [1.0, 0, 0] if abs(facing[0]) < 0.7 else [0, 1.0, 0])
+        u = np.cross(facing, [1.0, 0, 0] if abs(facing[0]) < HALFWAY_ALONG else [0, 1.0, 0])
         u /= np.linalg.norm(u)
         v = np.cross(facing, u)
         angle = np.linspace(0.0, 2.0 * np.pi, 49)[:-1]
@@ -276,7 +287,7 @@ class Stage:
             points = pose.placed(frame, body, np.reshape(part["points"], (-1, 3)))
             pixels, corners = self.at(points), points[np.reshape(part["faces"], (-1, 3))]
             normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            light = np.abs(normals @ self.back) / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+            light = np.abs(normals @ self.back) / np.maximum(np.linalg.norm(normals, axis=1), LEAST_DIVISOR)
             far = corners.mean(axis=1) @ self.back / (0.5 * self.radius)
             for face, z, lit in zip(np.reshape(part["faces"], (-1, 3)), far, light, strict=True):
                 lit_colour = shade(colour, -0.35 + 0.66 * float(lit))
@@ -298,7 +309,7 @@ class Stage:
                 own = np.array(part["axis"])
                 axis = pose.turned(frame, body, own)
                 face = self.drum(sheet, centre, axis, part["radius"], part["length"] / 2, colour)
-                first = np.cross(own, [1.0, 0, 0] if abs(own[0]) < 0.7 else [0, 1.0, 0])
+                first = np.cross(own, [1.0, 0, 0] if abs(own[0]) < HALFWAY_ALONG else [0, 1.0, 0])
                 self.spokes(sheet, centre, face, axis, pose.turned(frame, body, first / np.linalg.norm(first)),
                             part["radius"], 5 if kind == "wheel" else 1)  # fmt: skip
 
@@ -306,7 +317,7 @@ class Stage:
         self, sheet: Sheet, centre: FloatArray, face: FloatArray, axis: FloatArray, first: FloatArray, radius: float,
         count: int, lift: float = 0.0,
     ) -> None:  # fmt: skip
-        if abs(axis @ self.back) < 0.05:
+        if abs(axis @ self.back) < FACELESS:
             return
         second, angles = np.cross(axis, first), 2.0 * np.pi * np.arange(count) / count
         ends = [face + 0.86 * radius * (np.cos(a) * first + np.sin(a) * second) for a in angles]
@@ -431,7 +442,7 @@ class Stage:
         r, kind, lift = self.radius, joint["kind"], 2.5 * self.radius
         if kind in ("prismatic", "planar") and axis is not None:
             back = np.array(self.scene["view"]["back"])
-            wanted = back if abs(back @ axis) < 0.9 else np.array(self.scene["view"]["up"])
+            wanted = back if abs(back @ axis) < NEARLY_ALONG else np.array(self.scene["view"]["up"])
             across = wanted - (wanted @ axis) * axis
             across /= np.linalg.norm(across)
             half = (3.0 * r, 1.8 * r, 1.8 * r) if kind == "prismatic" else (0.4 * r, 2.6 * r, 2.6 * r)
@@ -439,10 +450,10 @@ class Stage:
             self.box(sheet, point, np.array([axis, across, np.cross(axis, across)]), half, colour, lift)
         elif kind == "fixed":
             self.box(sheet, point, np.eye(3), (r, r, r), GROUND, lift)
-        elif kind in ("revolute", "cylindrical", "screw") and axis is not None and r * self.scale > 2.5 * FINER:
+        elif kind in ("revolute", "cylindrical", "screw") and axis is not None and r * self.scale > DOT * FINER:
             wide, long = (1.35, 1.5) if kind == "revolute" else (1.8, 3.4)
             face = self.drum(sheet, point, axis, wide * r, long * r, JOINT, lift)
-            if kind == "revolute" and abs(axis @ self.back) > 0.4:
+            if kind == "revolute" and abs(axis @ self.back) > EYE:
                 eye = max(FINER, 0.4 * r * self.scale)
                 sheet.add(self.depth([point]) + 2 * lift / r, lambda: sheet.circle(self.at(face), eye, EDGE))
         else:
@@ -472,7 +483,7 @@ class Stage:
             sheet.polygon(head, PAPER if is_open else colour, colour, 1.6 * FINER)
             if is_open:
                 reported.add(HOLLOW)
-            if size > MOST_ARROW * self.unit * (1.0 + 1e-9):
+            if size > MOST_ARROW * self.unit * (1.0 + EQUAL):
                 reported.add(LONGER)
                 for shift in (-2.5, 2.5):
                     at = p + 0.55 * (end - p) + shift * FINER * u
@@ -485,7 +496,7 @@ class Stage:
         """Title, time and how fast it runs above; a length, a force and what is `reported` of arrows below."""
         margin = 14 * FINER
         sheet.draw.text((margin, 10 * FINER), self.fitted(sheet, self.scene["title"], 0.6), fill=INK, font=self.font)
-        pace = "" if abs(self.factor - 1.0) < 1e-9 else f"   {self.factor:.2g}×"
+        pace = "" if abs(self.factor - 1.0) < EQUAL else f"   {self.factor:.2g}×"
         verdict = self.scene["verdict"]
         text = f"t = {self.pose.t[frame]:.{self.digits()}f} s{pace}"
         width = sheet.draw.textlength(text, font=self.font)
@@ -505,7 +516,7 @@ class Stage:
             length = value / per_pixel
             right = self.width - margin
             sheet.line([(right - length, y), (right, y)], colour, 2 * FINER)
-            label = f"{1e6 * value:g} µm" if unit == "m" and value < 1e-3 else f"{value:g} {unit}"
+            label = f"{1e6 * value:g} µm" if unit == "m" and value < MICROMETRES else f"{value:g} {unit}"
             ends = sheet.draw.textbbox((0, 0), label, font=self.font)
             at = (right - length - ends[2] - 8 * FINER, y - (ends[1] + ends[3]) / 2)
             sheet.draw.text(at, label, fill=colour, font=self.font)

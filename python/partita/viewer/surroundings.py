@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tolerance import EQUAL, EQUAL_IN_SIX_DIGITS, NEARLY_ALONG, NEGLIGIBLE
 from .motion import Motion
 
 FloatArray = NDArray[np.float64]
@@ -118,7 +119,8 @@ def _floors(planes: Sequence[_Plane], size: float) -> Iterator[dict[str, Any]]:
         for group in groups:
             same = group[0]
             off = abs(float((plane.point - same.point) @ same.normal))
-            if plane.body == same.body and plane.normal @ same.normal > 1.0 - 1e-9 and off < 1e-6 * size:
+            level = plane.normal @ same.normal > 1.0 - EQUAL and off < EQUAL_IN_SIX_DIGITS * size
+            if plane.body == same.body and level:
                 group.append(plane)
                 break
         else:
@@ -152,7 +154,7 @@ def _stops(
         if joint["kind"] == "prismatic":
             at, across = point + (end - place) * axis, STOP * size * _across(axis)
             ends = [at - across, at + across]
-        elif joint["kind"] == "revolute" and np.linalg.norm(arm) > 1e-9 * size:
+        elif joint["kind"] == "revolute" and np.linalg.norm(arm) > NEGLIGIBLE * size:
             turn, out = end - place, _unit(arm)
             ends = [point, point + 3.0 * STOP * size * (np.cos(turn) * out + np.sin(turn) * np.cross(axis, out))]
         else:
@@ -167,5 +169,5 @@ def _unit(vector: Any) -> FloatArray:
 
 def _across(direction: FloatArray) -> FloatArray:
     """A direction perpendicular to another: horizontal in the plane of x and y where it can be."""
-    axis = (0.0, 0.0, 1.0) if abs(direction[2]) < 0.9 else (1.0, 0.0, 0.0)
+    axis = (0.0, 0.0, 1.0) if abs(direction[2]) < NEARLY_ALONG else (1.0, 0.0, 0.0)
     return _unit(np.cross(axis, direction))

@@ -258,7 +258,7 @@ def accelerations(
         # velocities of bodies are linear in v, and in these coordinates nothing else adds to accelerations
         core = mechanism.compile(coordinates).core
         which = list(range(len(drawing.bodies)))
-        moved = core.bodies(run.t[i : i + 1], run.q[i : i + 1], run.vdot[i : i + 1], which)
+        moved = core.motion(run.t[i : i + 1], run.q[i : i + 1], run.vdot[i : i + 1]).bodies(which)
         for k, b in enumerate(drawing.bodies):
             a, alpha = found.acceleration[b.name]
             mine = moved["body_angular_velocity"][0, k]
