@@ -656,7 +656,7 @@ FORMULAS = (
     Error(
         "rope-pushes",
         "a rope pushes where it is slack",
-        f"{MODEL}/force/rope.rs",
+        f"{MODEL}/force/two_point.rs",
         "self.buffer.pressed(distance - self.length, speed)",
         "self.buffer.pressed((distance - self.length).abs(), speed)",
         ("python test_ropes.py",),
@@ -664,9 +664,9 @@ FORMULAS = (
     Error(
         "rope-guard",
         "where a rope becomes taut is looked for elsewhere",
-        f"{MODEL}/force/rope.rs",
-        "(self.length * self.length - apart.dot(apart))",
-        "(1.44 * self.length * self.length - apart.dot(apart))",
+        f"{MODEL}/force/two_point.rs",
+        "(length * length - apart.dot(apart))",
+        "(1.44 * length * length - apart.dot(apart))",
         ("python test_ropes.py",),
     ),
     Error(

@@ -1,0 +1,148 @@
+//! Loads along the line between two points: one law of their distance for each.
+//!
+//! ```text
+//! distance, its rate ──► law ──► pull, potential, power          corners of the law ──► guards
+//! ```
+
+use super::resistance::{Buffer, Pressed};
+use super::spot::{self, Spot};
+use super::{At, Effect, ForceApplication};
+use crate::numbers::Fields;
+use crate::spec::Force;
+use partita_math::scalar::{Cases, Scalar};
+use partita_math::spatial::{Space, Vec3};
+use partita_system::guards::GuardReading;
+
+/// A distance at which the pull begins to change otherwise.
+#[derive(Clone, Copy, Debug)]
+pub struct Corner {
+    /// The distance (m).
+    pub length: f64,
+    /// Whether more acts where the points are farther apart, or nearer.
+    pub farther: bool,
+    /// Power of what begins there.
+    pub exponent: f64,
+}
+
+/// The contract of a law between two points.
+pub(crate) trait TwoPointLaw<S: Scalar> {
+    /// Pull of the points towards each other at a distance and its rate, with its energies.
+    fn pull(&self, distance: S, speed: S) -> Pressed<S>;
+    /// Whether it does non-conservative work.
+    fn is_dissipative(&self) -> bool;
+}
+
+/// Pulls where the points are farther apart than the length.
+#[derive(Clone, Copy, Debug)]
+pub struct Rope<S> {
+    /// Length without tension (m).
+    pub length: S,
+    /// Tension over the stretch.
+    pub buffer: Buffer<S>,
+}
+
+impl<S: Scalar> TwoPointLaw<S> for Rope<S> {
+    #[inline(always)]
+    fn pull(&self, distance: S, speed: S) -> Pressed<S> {
+        self.buffer.pressed(distance - self.length, speed)
+    }
+    fn is_dissipative(&self) -> bool {
+        self.buffer.damped
+    }
+}
+
+/// The laws.
+#[derive(Clone, Copy, Debug)]
+pub enum Line<S> {
+    /// A rope.
+    Rope(Rope<S>),
+}
+
+impl<S: Scalar> Line<S> {
+    /// Of a force between two points.
+    pub(super) fn new(force: &Force, n: &Fields<S>) -> Option<Self> {
+        Some(match force {
+            Force::Rope(x) => {
+                Self::Rope(Rope { length: n.number("length"), buffer: Buffer::new(n, x.exponent, x.damping) })
+            }
+            _ => return None,
+        })
+    }
+
+    fn as_law(&self) -> &dyn TwoPointLaw<S> {
+        match self {
+            Self::Rope(x) => x,
+        }
+    }
+
+    /// Its kind in words.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Rope(_) => "rope",
+        }
+    }
+}
+
+impl Line<f64> {
+    /// Where its slope jumps.
+    pub(crate) fn corners(&self) -> [Option<Corner>; 2] {
+        match self {
+            Self::Rope(x) => [Some(Corner { length: x.length, farther: true, exponent: x.buffer.exponent }), None],
+        }
+    }
+}
+
+/// Two points that pull each other.
+#[derive(Clone, Debug)]
+pub struct TwoPoint<G: Space> {
+    /// One end.
+    pub a: Spot<G>,
+    /// Other end.
+    pub b: Spot<G>,
+    /// The law.
+    pub law: Line<G::S>,
+}
+
+impl<G: Space<S = f64>> TwoPoint<G> {
+    /// Distance of the ends.
+    pub(crate) fn distance(&self, at: &At<G>) -> f64 {
+        (at.spot(&self.b) - at.spot(&self.a)).norm()
+    }
+
+    /// Of a corner at the length L `(L² − d²) / 2L` with the distance d of the ends, or its opposite, positive where what
+    /// begins there does not act; its rate, how far it is from there, and the largest speed at which that changes.
+    pub(crate) fn gap(&self, at: &At<G>, corner: &Corner) -> GuardReading {
+        let (a, b) = (at.spot(&self.a), at.spot(&self.b));
+        let (apart, length) = (b - a, corner.length);
+        let moving = at.moving(self.b.attachment.link, b) - at.moving(self.a.attachment.link, a);
+        let gap = (length * length - apart.dot(apart)) / (2.0 * length);
+        let rate = -apart.dot(moving) / length;
+        let speed = at.fastest(self.b.attachment.link, b) + at.fastest(self.a.attachment.link, a);
+        let sign = if corner.farther { 1.0 } else { -1.0 };
+        GuardReading { x: sign * gap, rate: sign * rate, apart: (length - apart.norm()).abs(), speed }
+    }
+}
+
+impl<G: Space> TwoPoint<G> {
+    #[inline(always)]
+    pub(crate) fn wrench(&self, at: &At<G>) -> Effect<G> {
+        let (one, two) = (&self.a.attachment, &self.b.attachment);
+        let (a, b) = (at.spot(&self.a), at.spot(&self.b));
+        let apart = b - a;
+        let distance = apart.norm();
+        let along = Vec3(apart.0.map(|x| x.over_or_zero(distance)));
+        let speed = along.dot(at.moving(two.link, b) - at.moving(one.link, a));
+        let pulled = self.law.as_law().pull(distance, speed);
+        let force = along.times(pulled.push);
+        let application = ForceApplication::Between(
+            at.wrench_at(one, a, spot::none(), force),
+            at.wrench_at(two, b, spot::none(), -force),
+        );
+        Effect { application, potential: pulled.potential, power: pulled.power }
+    }
+
+    /// Whether it does non-conservative work.
+    pub fn is_dissipative(&self) -> bool {
+        self.law.as_law().is_dissipative()
+    }
+}
