@@ -1,6 +1,6 @@
 """The pages of docs/: what is generated in them, and the site that is made of them.
 
-python tools/docs.py --write          rewrite the generated parts of docs/*.md
+python tools/docs.py --write          rewrite the generated parts of docs/*.md and of the schema of model files
 python tools/docs.py --render FOLDER  the site, with the figures that examples/paper and tools/*_page.py draw
 python tools/docs.py --links FOLDER   whether every link of a rendered site leads somewhere, and nothing is fetched
 python tools/docs.py --look FOLDER    a rendered site in Chromium: nothing cut or pale, search, animated pages
@@ -42,6 +42,8 @@ def main() -> None:
     parser.add_argument("--shots", metavar="FOLDER", type=Path, help="with --look: save pictures of the pages there")
     arguments = parser.parse_args()
     if arguments.write:
+        schema.PATH.write_text(scripts(TOOLS, "elements").current(), encoding="utf-8")
+        schema.load.cache_clear()
         for page in pages():
             page.write_text(current(page), encoding="utf-8")
     if arguments.render:
