@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from partita import catalogue
+from partita.builder.declaration import LOADS
 from partita.io import mjcf_table, schema, sdf_table, urdf_table, usd_table, writing_table
 from partita.io.format_table import Item
 
@@ -108,6 +109,8 @@ def schema_page() -> str:
     for key, rule in root["properties"].items():
         many = rule.get("type") == "array"
         lines += [f"## `{'[[' if many else '['}{key}{']]' if many else ']'}`", "", rule["description"], ""]
+        if (load := LOADS.get(key)) is not None and load.lost:
+            lines += [f"Files of other formats lack it: {load.lost}.", ""]
         table = rule["items"] if many else rule
         if "oneOf" not in table:
             lines += keys(table)
@@ -139,13 +142,19 @@ def formats_page() -> str:
 
 
 def written_page() -> str:
-    """The table by which files are written; elements of one fate together."""
+    """The table by which files are written; elements of one fate together. What other formats lack without a loss of
+    their own is said where the keys of each load are."""
     rows: dict[tuple[str, ...], list[str]] = {}
+    lost = {kind.replace("_", " ") for kind, load in LOADS.items() if load.lost}
     for kind, fates in writing_table.TABLE.items():
-        rows.setdefault(tuple(str(fates[name]) for name in writing_table.FORMATS), []).append(kind)
+        if kind not in lost:
+            rows.setdefault(tuple(str(fates[name]) for name in writing_table.FORMATS), []).append(kind)
     head = ["| element", *writing_table.FORMATS]
     lines = ["", f"{' | '.join(head)} |", f"{'|---' * len(head)}|"]
     lines += [f"| {', '.join(kinds)} | {' | '.join(fates)} |" for fates, kinds in rows.items()]
+    lines.append(
+        "| any other load: see its part of [model files](model-files.md) | dropped | dropped | dropped | written |"
+    )
     return "\n".join([*lines, "", ""])
 
 

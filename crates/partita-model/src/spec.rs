@@ -7,7 +7,7 @@ mod loads;
 mod rotor;
 
 pub use couplings::{Coupling, GivenAs};
-pub use forces::{Force, ForceRecord, PointForce, Rope, Spring};
+pub use forces::*;
 pub use joint_loads::{Follows, Friction, GasSpring, Stop, Torque, TorsionSpring};
 pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
 pub use rotor::Rotor;
