@@ -22,7 +22,8 @@ def current() -> str:
 
 
 def table(load: Load) -> dict[str, Any]:
-    """Its table, each argument with its words; what `None` means in a call is what leaving it out means in a file."""
+    """Its table, each argument with its words; what `None` means in a call is what leaving it out means in a
+    file, which has no functions."""
     docstring = inspect.getdoc(load.method) or ""
     first = " ".join(docstring.partition("\n\n")[0].split()).partition(". ")[0]
     words, summary = arguments(docstring), sentence(first.removeprefix("Add "))
@@ -30,7 +31,8 @@ def table(load: Load) -> dict[str, Any]:
     for name, default in load.defaults.items():
         rule = load.fields[name].rule if name in load.fields else {"$ref": "#/$defs/name"}
         usual = "" if default in (None, inspect.Parameter.empty) else f" Default: {plain(default)}."
-        properties[name] = {**rule, "description": sentence(words[name].replace("None:", "left out:")) + usual}
+        said = words[name].replace("None:", "left out:").replace(", or f(t, state)", "")
+        properties[name] = {**rule, "description": sentence(said) + usual}
     item = {
         "type": "object",
         "description": summary,

@@ -179,6 +179,10 @@ class Call:
             self._checked[what] = None if left_out else field.check(self, what, value, unit)
         return self._checked[what]
 
+    def take(self, *names: str) -> dict[str, Any]:
+        """Some of the arguments."""
+        return {what: self[what] for what in names}
+
     def store(self, **means: Any) -> Force:
         """Store its record; `means` are what the core is told in place of the arguments."""
         arguments, values = {}, {}

@@ -8,6 +8,7 @@ steps of a run.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -15,13 +16,11 @@ from numpy.typing import ArrayLike
 
 from ..units import Quantity
 from . import callbacks
-from .checks import Element, number
-from .declaration import JOINT, Load, amount, effort, rate, unit
+from .checks import number
+from .declaration import JOINT, Call, Field, Load, amount, effort, rate, unit
 from .drawing import Drawing
-from .forces import named, store
-from .joints import coordinate_of, effort_of, joint_record, scalars, unit_of
 from .name_first import name_first
-from .records import Force, Joint, LoadRecord
+from .records import Force, Joint
 from .values import Constant, Value, scalar
 
 TORSION_SPRING = Load(
@@ -33,6 +32,35 @@ TORSION_SPRING = Load(
         "angle": amount(unit),
     },
     called="spring of",
+)
+_OF_COEFFICIENTS = ("coefficient", "static_coefficient", "radius", "length", "collar")
+
+
+def _magnitude(call: Call, what: str, value: Any, unit: str) -> Value:
+    """A friction magnitude, which is checked to be not negative where it is a constant."""
+    magnitude = scalar(call.element, what, value, "monotone", callbacks.number_of(call.element), ("s", unit))
+    if isinstance(magnitude, Constant):
+        number(call.element, what, magnitude.value, least=0.0)
+    return magnitude
+
+
+_MAGNITUDE = Field(_magnitude, {"$ref": "#/$defs/value"}, effort)
+_COEFFICIENT = replace(amount(least=0.0), rule={"$ref": "#/$defs/quantity"})
+FRICTION = Load(
+    "friction",
+    JOINT
+    | {
+        "dynamic": _MAGNITUDE,
+        "static": _MAGNITUDE,
+        "stick_velocity": amount(lambda call: f"{unit(call)}/s", above=0.0),
+        "coefficient": _COEFFICIENT,
+        "static_coefficient": _COEFFICIENT,
+        "radius": amount("m", above=0.0),
+        "length": amount("m", above=0.0),
+        "collar": amount("m", least=0.0),
+        "preload": amount("N", least=0.0),
+    },
+    called="friction in",
 )
 STOP = Load(
     "stop",
@@ -88,6 +116,7 @@ def add_torsion_spring(
     return TORSION_SPRING.checked(locals()).store()
 
 
+@FRICTION
 @name_first(1)
 def add_friction(
     self: Drawing,
@@ -173,62 +202,22 @@ def add_friction(
     >>> round(run.joint("S").velocity[-1].item(), 3)   # 1 + 4.905 - 0.3 * 8.4957
     3.356
     """
-    element = named(self, name, "friction in", joint)
-    found = joint_record(self, element, joint)
-    where = coordinate_of(element, found, coordinate, scalars(found))
-    effort = effort_of(found, where)
-    speed = f"{unit_of(found, where)}/s"
-    stick = number(element, "stick_velocity", stick_velocity, speed, above=0.0)
-    units = {"dynamic": effort, "static": effort, "stick_velocity": speed, "preload": "N"}
-    units |= dict.fromkeys(("radius", "length", "collar"), "m")
-    given = {
-        "coefficient": coefficient,
-        "static_coefficient": static_coefficient,
-        "radius": radius,
-        "length": length,
-        "collar": collar,
-    }
-    pressed = number(element, "preload", preload, "N", least=0.0)
+    call = FRICTION.checked(locals())
+    given = {what: call[what] for what in _OF_COEFFICIENTS if call[what] is not None}
     if coefficient is not None:
         if dynamic is not None or static is not None:
-            element.fail(
+            call.element.fail(
                 "magnitudes (dynamic, static) and a coefficient exclude one another; give magnitudes, or a "
                 "coefficient, which multiplies the reaction of the joint"
             )
-        above = ("radius", "length")
-        follows = {
-            what: number(
-                element,
-                what,
-                value,
-                "" if what.endswith("coefficient") else "m",
-                **({"above": 0.0} if what in above else {"least": 0.0}),
-            )
-            for what, value in given.items()
-            if value is not None
-        }
-        follows["preload"] = pressed
-        arguments: dict[str, Any] = {
-            "joint": found.name,
-            "coordinate": where or None,
-            "stick_velocity": stick,
-            **follows,
-        }
-        arguments["preload"] = pressed or None
-        means = {"joint": found.name, "coordinate": where, "stick_velocity": stick, "follows": follows}
-        return store(self, LoadRecord(element.name, "friction", arguments, means, units))
+        follows = {**given, "preload": call["preload"]}
+        return call.store(**call.take("joint", "coordinate", "stick_velocity"), follows=follows)
     if dynamic is None:
-        element.fail("give its magnitude (dynamic), or a coefficient that multiplies the reaction of the joint")
-    idle = [what for what, value in given.items() if value is not None] + (["preload"] if pressed else [])
+        call.element.fail("give its magnitude (dynamic), or a coefficient that multiplies the reaction of the joint")
+    idle = [*given, *(["preload"] if call["preload"] else [])]
     if idle:
-        element.fail(f"{', '.join(idle)} needs a coefficient; give one instead of dynamic")
-    magnitudes = {
-        "dynamic": _magnitude(element, "dynamic", dynamic, effort),
-        "static": None if static is None else _magnitude(element, "static", static, effort),
-        "stick_velocity": stick,
-    }
-    arguments = {"joint": found.name, "coordinate": where or None, **magnitudes}
-    return store(self, LoadRecord(element.name, "friction", arguments, {**arguments, "coordinate": where}, units))
+        call.element.fail(f"{', '.join(idle)} needs a coefficient; give one instead of dynamic")
+    return call.store(**call.take("joint", "coordinate", "dynamic", "static", "stick_velocity"))
 
 
 @STOP
@@ -326,14 +315,6 @@ def per_power(effort: str, unit: str, power: float) -> str:
         return f"{effort}/{unit}"
     power = min(power, 12.0)  # as far as exponents of units go
     return f"{effort}/{unit}^({Fraction(power).limit_denominator(100)})"
-
-
-def _magnitude(element: Element, what: str, value: Any, effort: str) -> Value:
-    """A friction magnitude, which is checked to be not negative where it is a constant."""
-    magnitude = scalar(element, what, value, "monotone", callbacks.number_of(element), ("s", effort))
-    if isinstance(magnitude, Constant):
-        number(element, what, magnitude.value, least=0.0)
-    return magnitude
 
 
 class JointLoads(Drawing):
