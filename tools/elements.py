@@ -31,8 +31,8 @@ def table(load: Load) -> dict[str, Any]:
     for name, default in load.defaults.items():
         rule = load.fields[name].rule if name in load.fields else {"$ref": "#/$defs/name"}
         usual = "" if default in (None, inspect.Parameter.empty) else f" Default: {plain(default)}."
-        said = words[name].replace("None:", "left out:").replace(", or f(t, state)", "")
-        properties[name] = {**rule, "description": sentence(said) + usual}
+        meaning = words[name].replace("None:", "left out:").replace(", or f(t, state)", "")
+        properties[name] = {**rule, "description": sentence(meaning) + usual}
     item = {
         "type": "object",
         "description": summary,

@@ -661,7 +661,7 @@ IN_PACKAGE = (
         f"{PACKAGE}/builder/declaration.py",
         "return float(norm(ends[1] - ends[0]))",
         "return float(norm(ends[1]))",
-        ELEMENTS,
+        ("python test_elements.py",),
     ),
     Error(
         "units-of-loads",
@@ -683,8 +683,8 @@ IN_PACKAGE = (
         "static-magnitude",
         "static friction in a joint is that of sliding",
         f"{PACKAGE}/builder/joint_loads.py",
-        '_magnitude(element, "static", static, effort)',
-        '_magnitude(element, "static", dynamic, effort)',
+        'call.take("joint", "coordinate", "dynamic", "static", "stick_velocity")',
+        'call.take("joint", "coordinate", "dynamic", "stick_velocity")',
         ELEMENTS,
     ),
     Error(

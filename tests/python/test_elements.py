@@ -5,7 +5,9 @@ from __future__ import annotations
 import inspect
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import partita as pt
@@ -28,6 +30,23 @@ def test_every_argument_is_declared_and_described(kind: str) -> None:
     assert method is inspect.unwrap(load.method)
     assert {"name", *load.fields} == set(load.defaults)
     assert set(load.defaults) <= set(elements.arguments(inspect.getdoc(method) or ""))
+
+
+@pytest.mark.parametrize(("kind", "law"), [("spring", {}), ("rope", {}), ("bushing", None)])
+def test_lengths_left_out_are_those_of_the_drawing(kind: str, law: dict[str, Any] | None) -> None:
+    m = pt.Mechanism("pair")
+    for name, x in (("a", 1.0), ("b", 4.0)):
+        m.add_body(
+            name, mass=1.0, inertia=(1, 1, 1), position=(x, 0, 0), orientation=((0, -1, 0), (1, 0, 0), (0, 0, 1))
+        )
+    if law is None:
+        m.add_bushing("load", "a", "b", (2.0, 5.0, 0.0), stiffness=np.ones(6))
+        found = m.to_spec()["forces"][0]
+        assert (found["point1"], found["point2"]) == ([5.0, -1.0, 0.0], [5.0, 2.0, 0.0])
+        return
+    getattr(m, f"add_{kind}")("load", "a", (0, 2, 0), "b", (4, 0, 0), stiffness=2.0, **law)
+    assert m.to_spec()["forces"][0]["length"] == pytest.approx(np.hypot(5.0, 4.0))
+    assert m.forces["load"].length is None
 
 
 def test_words_of_a_docstring() -> None:
