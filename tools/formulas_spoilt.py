@@ -662,6 +662,22 @@ FORMULAS = (
         ("python test_ropes.py",),
     ),
     Error(
+        "strut-column",
+        "the column of a gas strut is as long as if its force grew without the exponent",
+        f"{MODEL}/force/two_point.rs",
+        "progression.power(1.0 + 1.0 / x.exponent)",
+        "progression.power(2.0)",
+        ("python test_gas_struts.py",),
+    ),
+    Error(
+        "strut-stop",
+        "a gas strut comes to its stop before full compression",
+        f"{MODEL}/force/two_point.rs",
+        "end.pressed(self.length - self.stroke - distance, -speed)",
+        "end.pressed(self.length - self.stroke.scale(0.8) - distance, -speed)",
+        ("python test_gas_struts.py",),
+    ),
+    Error(
         "rope-guard",
         "where a rope becomes taut is looked for elsewhere",
         f"{MODEL}/force/two_point.rs",

@@ -1,4 +1,4 @@
-"""Loads along the line between two points: springs with dampers, and ropes."""
+"""Loads along the line between two points: springs with dampers, ropes, gas struts."""
 
 from __future__ import annotations
 
@@ -29,6 +29,20 @@ ROPE = Load(
         "damping": amount("s/m", least=0.0),
     },
     lost="nothing holds its ends together",
+)
+GAS_STRUT = Load(
+    "gas_strut",
+    BETWEEN
+    | {
+        "force": amount("N", above=0.0),
+        "progression": amount(above=1.0),
+        "stroke": amount("m", above=0.0),
+        "length": amount("m", above=0.0, absent=as_drawn, kept=True),
+        "exponent": amount(above=1.0),
+        "damping": amount("N s/m", least=0.0),
+        "end_stiffness": amount("N/m", least=0.0),
+    },
+    lost="it no longer acts",
 )
 
 
@@ -119,8 +133,65 @@ def add_rope(
     return call.store()
 
 
+@GAS_STRUT
+def add_gas_strut(
+    self: Drawing,
+    name: str,
+    body1: Body | str,
+    point1: ArrayLike,
+    body2: Body | str,
+    point2: ArrayLike,
+    *,
+    force: Quantity,
+    progression: float,
+    stroke: Quantity,
+    length: Quantity | None = None,
+    exponent: float = 1.3,
+    damping: Quantity = 0.0,
+    end_stiffness: Quantity | None = None,
+) -> Force:
+    """Add a gas strut between two points, such as that of a tailgate: it pushes them apart. Its data sheet has the
+    numbers.
+
+    At the distance d of the points the force is F = force / (1 - (length - d) / c)^exponent, where c is such that F =
+    progression force at d = length - stroke; damping dd/dt resists the motion. The same law holds beyond the stroke,
+    unless there are stops. For gas in a coordinate of a joint see `add_gas_spring`.
+
+    Args:
+        name: unique among the forces.
+        body1, body2: two different bodies or the ground; the tube is drawn on body 1.
+        point1, point2: in the axes of their body (world for the ground) [m].
+        force: at full extension [N], above 0: F1 of a data sheet.
+        progression: force at full compression divided by `force`, above 1.
+        stroke: from full extension to full compression [m], above 0 and below `length`.
+        length: distance of the points at full extension [m]; None: the drawn distance.
+        exponent: polytropic exponent, above 1.
+        damping: [N s/m], not negative.
+        end_stiffness: of stops at both ends of the stroke [N/m], not negative; None: no stops. A step of a run ends
+            where it comes to a stop or leaves it.
+
+    Raises `DescriptionError` for two ends on one body and for numbers out of range.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("tailgate", gravity=(0, -9.81, 0))
+    >>> gate = m.add_rod("gate", start=(0, 0, 0), end=(1, 0, 0), mass=8.0)
+    >>> hinge = m.add_revolute("hinge", m.ground, gate, point=(0, 0, 0))
+    >>> sheet = {"force": "400 N", "progression": 1.35, "stroke": "200 mm", "length": "500 mm"}
+    >>> strut = m.add_gas_strut("strut", m.ground, (0, -0.4, 0), gate, (0.2, 0, 0), **sheet, damping=300.0)
+    >>> run = m.simulate(1.0)
+    >>> bool(run.joint("hinge").displacement[-1] > 0.1)   # it lifts the gate
+    True
+    """
+    call = GAS_STRUT.checked(locals())
+    full = as_drawn(call) if length is None else call["length"]
+    if call["stroke"] >= full:
+        call.element.fail(f"its stroke is {call['stroke']:g} m, but its length only {full:g} m; the stroke is shorter")
+    return call.store()
+
+
 class TwoPointLoads(Drawing):
     """The methods of this module."""
 
     add_spring = add_spring
     add_rope = add_rope
+    add_gas_strut = add_gas_strut

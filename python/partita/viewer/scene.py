@@ -385,6 +385,7 @@ def _solids(
 LOOKS: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
     "spring": lambda force: {},
     "rope": lambda force: {"rope": force["length"]},
+    "gas_strut": lambda force: {"rods": [[0.0, tube := force["length"] - force["stroke"], 0.9], [tube, None, 0.4]]},
 }
 """Loads between two points as they are drawn: a rope of a length; rods, each with its ends on the line and its radius;
 else a spring."""

@@ -8,7 +8,7 @@ use super::resistance::{Buffer, Pressed};
 use super::spot::{self, Spot};
 use super::{At, Effect, ForceApplication};
 use crate::numbers::Fields;
-use crate::spec::Force;
+use crate::spec::{self, Force};
 use partita_math::scalar::{Cases, Scalar};
 use partita_math::spatial::{Space, Vec3};
 use partita_system::guards::GuardReading;
@@ -51,11 +51,78 @@ impl<S: Scalar> TwoPointLaw<S> for Rope<S> {
     }
 }
 
+/// Gas in a tube pushes the points apart: with the column `c = 1 − (length − distance)/column` the force is `force /
+/// c^exponent`. Stops, if it has any, act beyond its length and its stroke.
+#[derive(Clone, Copy, Debug)]
+pub struct GasStrut<S> {
+    /// Force at its full length (N).
+    pub force: S,
+    /// Full length (m).
+    pub length: S,
+    /// From there to full compression (m).
+    pub stroke: S,
+    /// Length of the column of gas at its full length (m).
+    pub column: S,
+    /// [N s/m].
+    pub damping: S,
+    /// Whether it has a damper.
+    pub damped: bool,
+    /// Exponent of the change of state, above 1.
+    pub exponent: f64,
+    /// Both stops.
+    pub ends: Option<Buffer<S>>,
+}
+
+impl<S: Scalar> GasStrut<S> {
+    fn new(x: &spec::GasStrut, n: &Fields<S>) -> Self {
+        let (stroke, progression) = (n.number("stroke"), n.number("progression"));
+        // of the column this part is left at full compression, where the force has grown by the progression
+        let left = progression / progression.power(1.0 + 1.0 / x.exponent);
+        Self {
+            force: n.number("force"),
+            length: n.number("length"),
+            stroke,
+            column: stroke / (S::one() - left),
+            damping: n.number("damping"),
+            damped: x.damping != 0.0,
+            exponent: x.exponent,
+            ends: x.end_stiffness.map(|_| Buffer {
+                stiffness: n.number("end_stiffness"),
+                damping: S::zero(),
+                exponent: 1.0,
+                damped: false,
+            }),
+        }
+    }
+}
+
+impl<S: Scalar> TwoPointLaw<S> for GasStrut<S> {
+    fn pull(&self, distance: S, speed: S) -> Pressed<S> {
+        // an empty column would need an infinite force, and no step reaches it
+        let column = (S::one() - (self.length - distance) / self.column).max(S::zero());
+        let (push, drag) = (self.force / column.power(self.exponent), self.damping * speed);
+        let stored = (push * self.column * column).scale(1.0 / (self.exponent - 1.0));
+        let mut all = Pressed { push: drag - push, potential: stored, power: -(drag * speed) };
+        if let Some(end) = &self.ends {
+            let out = end.pressed(distance - self.length, speed);
+            let within = end.pressed(self.length - self.stroke - distance, -speed);
+            all.push += out.push - within.push;
+            all.potential += out.potential + within.potential;
+        }
+        all
+    }
+    fn is_dissipative(&self) -> bool {
+        self.damped
+    }
+}
+
 /// The laws.
 #[derive(Clone, Copy, Debug)]
 pub enum Line<S> {
     /// A rope.
     Rope(Rope<S>),
+    /// A gas strut.
+    GasStrut(GasStrut<S>),
 }
 
 impl<S: Scalar> Line<S> {
@@ -65,6 +132,7 @@ impl<S: Scalar> Line<S> {
             Force::Rope(x) => {
                 Self::Rope(Rope { length: n.number("length"), buffer: Buffer::new(n, x.exponent, x.damping) })
             }
+            Force::GasStrut(x) => Self::GasStrut(GasStrut::new(x, n)),
             _ => return None,
         })
     }
@@ -72,6 +140,7 @@ impl<S: Scalar> Line<S> {
     fn as_law(&self) -> &dyn TwoPointLaw<S> {
         match self {
             Self::Rope(x) => x,
+            Self::GasStrut(x) => x,
         }
     }
 
@@ -79,6 +148,7 @@ impl<S: Scalar> Line<S> {
     pub fn word(&self) -> &'static str {
         match self {
             Self::Rope(_) => "rope",
+            Self::GasStrut(_) => "gas strut",
         }
     }
 }
@@ -86,8 +156,13 @@ impl<S: Scalar> Line<S> {
 impl Line<f64> {
     /// Where its slope jumps.
     pub(crate) fn corners(&self) -> [Option<Corner>; 2] {
+        let corner = |length, farther, exponent| Some(Corner { length, farther, exponent });
         match self {
-            Self::Rope(x) => [Some(Corner { length: x.length, farther: true, exponent: x.buffer.exponent }), None],
+            Self::Rope(x) => [corner(x.length, true, x.buffer.exponent), None],
+            Self::GasStrut(x) if x.ends.is_some() => {
+                [corner(x.length, true, 1.0), corner(x.length - x.stroke, false, 1.0)]
+            }
+            Self::GasStrut(_) => [None; 2],
         }
     }
 }

@@ -54,6 +54,8 @@ forces! {
     Contact(Contact),
     /// A rope between two points.
     Rope(Rope),
+    /// A gas strut between two points.
+    GasStrut(GasStrut),
     /// A wheel on a road.
     Tyre(Tyre),
     /// A function of its readings.
@@ -336,3 +338,51 @@ properties! { Rope {
     numbers [point1, point2, length, stiffness, damping]
     checks [without_size(length), negative(stiffness, damping), too_steep(exponent)]
 } }
+
+/// A gas strut between two points of two bodies: it pushes them apart.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GasStrut {
+    /// Name.
+    pub name: String,
+    /// First body or `ground`.
+    pub body1: String,
+    /// Point on it, body axes.
+    pub point1: [f64; 3],
+    /// Second body or `ground`.
+    pub body2: String,
+    /// Point on it, body axes.
+    pub point2: [f64; 3],
+    /// Force at its full length (N).
+    pub force: f64,
+    /// Force at full compression over that.
+    pub progression: f64,
+    /// From its full length to full compression (m).
+    pub stroke: f64,
+    /// Full length (m).
+    pub length: f64,
+    /// Exponent of the polytropic change of state.
+    pub exponent: f64,
+    /// [N s/m].
+    #[serde(default)]
+    pub damping: f64,
+    /// Of the stops at both ends of the stroke [N/m]; none: no stops.
+    #[serde(default)]
+    pub end_stiffness: Option<f64>,
+}
+
+properties! { GasStrut {
+    line [body1 point1, body2 point2]
+    numbers [point1, point2, force, progression, stroke, length, damping, end_stiffness]
+    fault inconsistent
+} }
+
+impl GasStrut {
+    fn inconsistent(&self) -> Option<String> {
+        let (stroke, length) = (self.stroke, self.length);
+        without_size(&[("force", self.force), ("stroke", stroke)])
+            .or_else(|| not_above_one(&[("progression", self.progression), ("exponent", self.exponent)]))
+            .or_else(|| negative(&[("damping", self.damping), ("end_stiffness", self.end_stiffness.unwrap_or(0.0))]))
+            .or_else(|| (stroke >= length).then(|| format!("stroke = {stroke} is not below length = {length}")))
+    }
+}

@@ -2,9 +2,9 @@
 
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::spec::{
-    Axes, Body, Bushing, Contact, Coupling, Cut, Drive, Force, Friction, GasSpring, Gravity, Joint, JointKind, Law,
-    Level, Measure, PointForce, Rope, Sight, Spec, Spot, Spring, Stop, Table, Torque, TorsionSpring, Tyre, Value,
-    VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
+    Axes, Body, Bushing, Contact, Coupling, Cut, Drive, Force, Friction, GasSpring, GasStrut, Gravity, Joint,
+    JointKind, Law, Level, Measure, PointForce, Rope, Sight, Spec, Spot, Spring, Stop, Table, Torque, TorsionSpring,
+    Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
 };
 
 pub fn between(rng: &mut fastrand::Rng, low: f64, high: f64) -> f64 {
@@ -324,7 +324,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         lateral: 2.0,
         slow_speed: 0.5,
     }));
-    // taut everywhere
+    // taut everywhere, and at its stop
     all.push(Force::Rope(Rope {
         name: "rope".into(),
         body1: node_name(1),
@@ -335,6 +335,20 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         stiffness: 0.4,
         exponent: 1.5,
         damping: 0.05,
+    }));
+    all.push(Force::GasStrut(GasStrut {
+        name: "strut".into(),
+        body1: node_name(1),
+        point1: [0.1, 0.3, -0.2],
+        body2: node_name(0),
+        point2: [7.0, 6.0, -5.0],
+        force: 0.6,
+        progression: 1.4,
+        stroke: 3.0,
+        length: 4.0,
+        exponent: 1.3,
+        damping: 0.05,
+        end_stiffness: Some(0.3),
     }));
     let spots = [point(rng, 0.5), point(rng, 0.5)].map(|point| Spot { body: node_name(rng.usize(1..=count)), point });
     let mut sees = vec![Sight::Point(spots[0].clone()), Sight::Body(node_name(rng.usize(0..=count)))];

@@ -187,7 +187,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
     for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {
         assert!(kinds.contains(&format!("{kind:?}")), "no {kind:?} joint was drawn");
     }
-    assert_eq!(elements.len(), if plain { 16 } else { 17 }, "{elements:?}");
+    assert_eq!(elements.len(), if plain { 17 } else { 18 }, "{elements:?}");
 }
 
 /// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
