@@ -90,7 +90,7 @@ def joint_of(call: Call) -> JointRecord:
     return call.drawing._description.joints[call["joint"]]
 
 
-JOINT = {
+JOINT: dict[str, Any] = {
     "joint": Field(
         lambda call, what, joint, _: joint_record(call.drawing, call.element, joint).name, {"$ref": "#/$defs/name"}
     ),
@@ -112,7 +112,7 @@ def unit(call: Call) -> str:
     return unit_of(joint_of(call), call["coordinate"])
 
 
-BETWEEN = {"body1": side(), "point1": place("body1"), "body2": side(), "point2": place("body2")}
+BETWEEN: dict[str, Any] = {"body1": side(), "point1": place("body1"), "body2": side(), "point2": place("body2")}
 """Ends of a load between two points."""
 
 
@@ -130,11 +130,12 @@ class Load:
     def __init__(
         self,
         kind: str,
-        fields: Mapping[str, Field],
+        *,
         lost: str = "",
         sides: tuple[str, ...] = ("body1", "body2"),
         apart: str = "both ends are on {}, where the {} has no effect",
         called: str = "",
+        **fields: Field,
     ) -> None:
         self.kind, self.fields, self.lost, self.called = kind, fields, lost, called
         self.sides, self.apart = () if called else sides, apart

@@ -25,12 +25,10 @@ from .values import Constant, Value, scalar
 
 TORSION_SPRING = Load(
     "torsion_spring",
-    JOINT
-    | {
-        "stiffness": rate(lambda call: f"{effort(call)}/{unit(call)}"),
-        "damping": rate(lambda call: f"{effort(call)} s/{unit(call)}"),
-        "angle": amount(unit),
-    },
+    **JOINT,
+    stiffness=rate(lambda call: f"{effort(call)}/{unit(call)}"),
+    damping=rate(lambda call: f"{effort(call)} s/{unit(call)}"),
+    angle=amount(unit),
     called="spring of",
 )
 _OF_COEFFICIENTS = ("coefficient", "static_coefficient", "radius", "length", "collar")
@@ -48,36 +46,35 @@ _MAGNITUDE = Field(_magnitude, {"$ref": "#/$defs/value"}, effort)
 _COEFFICIENT = replace(amount(least=0.0), rule={"$ref": "#/$defs/quantity"})
 FRICTION = Load(
     "friction",
-    JOINT
-    | {
-        "dynamic": _MAGNITUDE,
-        "static": _MAGNITUDE,
-        "stick_velocity": amount(lambda call: f"{unit(call)}/s", above=0.0),
-        "coefficient": _COEFFICIENT,
-        "static_coefficient": _COEFFICIENT,
-        "radius": amount("m", above=0.0),
-        "length": amount("m", above=0.0),
-        "collar": amount("m", least=0.0),
-        "preload": amount("N", least=0.0),
-    },
+    **JOINT,
+    dynamic=_MAGNITUDE,
+    static=_MAGNITUDE,
+    stick_velocity=amount(lambda call: f"{unit(call)}/s", above=0.0),
+    coefficient=_COEFFICIENT,
+    static_coefficient=_COEFFICIENT,
+    radius=amount("m", above=0.0),
+    length=amount("m", above=0.0),
+    collar=amount("m", least=0.0),
+    preload=amount("N", least=0.0),
     called="friction in",
 )
 STOP = Load(
     "stop",
-    JOINT
-    | {
-        "lower": amount(unit),
-        "upper": amount(unit),
-        "stiffness": amount(lambda call: per_power(effort(call), unit(call), call["exponent"]), least=0.0),
-        "damping": amount(lambda call: f"s/{unit(call)}", least=0.0),
-        "exponent": amount(least=1.0),
-    },
+    **JOINT,
+    lower=amount(unit),
+    upper=amount(unit),
+    stiffness=amount(lambda call: per_power(effort(call), unit(call), call["exponent"]), least=0.0),
+    damping=amount(lambda call: f"s/{unit(call)}", least=0.0),
+    exponent=amount(least=1.0),
     lost="the motion has no end there",
     called="stop of",
 )
 GAS_SPRING = Load(
     "gas_spring",
-    JOINT | {"force": amount(effort), "length": amount(unit, above=0.0), "exponent": amount(above=1.0)},
+    **JOINT,
+    force=amount(effort),
+    length=amount(unit, above=0.0),
+    exponent=amount(above=1.0),
     lost="it no longer acts",
     called="gas spring of",
 )

@@ -37,21 +37,19 @@ EFFORTS = ["N"] * 3 + ["N m"] * 3
 _SIX: dict[str, Any] = {"check": _six, "rule": {"$ref": "#/$defs/stiffness"}}
 BUSHING = Load(
     "bushing",
-    {
-        "body1": side(),
-        "body2": side(),
-        "point": Field(
-            lambda call, what, value, _: point_in_world(call.drawing, call.element, what, value),
-            {"$ref": "#/$defs/vector"},
-        ),
-        "frame": Field(
-            lambda call, what, value, _: frames.rotation(call.element, what, value),
-            {"$ref": "#/$defs/rotation"},
-            absent=np.eye(3),
-        ),
-        "stiffness": Field(**_SIX, unit=[f"{a}{b}" for a in EFFORTS for b in ("/m", "/rad") for _ in range(3)]),
-        "damping": Field(**_SIX, unit=[f"{a} s{b}" for a in EFFORTS for b in ("/m", "/rad") for _ in range(3)]),
-    },
+    body1=side(),
+    body2=side(),
+    point=Field(
+        lambda call, what, value, _: point_in_world(call.drawing, call.element, what, value),
+        {"$ref": "#/$defs/vector"},
+    ),
+    frame=Field(
+        lambda call, what, value, _: frames.rotation(call.element, what, value),
+        {"$ref": "#/$defs/rotation"},
+        absent=np.eye(3),
+    ),
+    stiffness=Field(**_SIX, unit=[f"{a}{b}" for a in EFFORTS for b in ("/m", "/rad") for _ in range(3)]),
+    damping=Field(**_SIX, unit=[f"{a} s{b}" for a in EFFORTS for b in ("/m", "/rad") for _ in range(3)]),
     lost="nothing holds its bodies together",
     apart="both sides are on {}, where it has no effect",
 )

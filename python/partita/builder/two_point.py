@@ -12,36 +12,30 @@ from .records import Body, Force
 
 SPRING = Load(
     "spring",
-    BETWEEN
-    | {
-        "stiffness": rate("N/m"),
-        "damping": rate("N s/m"),
-        "length": amount("m", least=0.0, absent=as_drawn, kept=True),
-    },
+    **BETWEEN,
+    stiffness=rate("N/m"),
+    damping=rate("N s/m"),
+    length=amount("m", least=0.0, absent=as_drawn, kept=True),
 )
 ROPE = Load(
     "rope",
-    BETWEEN
-    | {
-        "length": amount("m", above=0.0, absent=as_drawn, kept=True),
-        "stiffness": amount(lambda call: per_power("N", "m", call["exponent"]), least=0.0),
-        "exponent": amount(least=1.0),
-        "damping": amount("s/m", least=0.0),
-    },
+    **BETWEEN,
+    length=amount("m", above=0.0, absent=as_drawn, kept=True),
+    stiffness=amount(lambda call: per_power("N", "m", call["exponent"]), least=0.0),
+    exponent=amount(least=1.0),
+    damping=amount("s/m", least=0.0),
     lost="nothing holds its ends together",
 )
 GAS_STRUT = Load(
     "gas_strut",
-    BETWEEN
-    | {
-        "force": amount("N", above=0.0),
-        "progression": amount(above=1.0),
-        "stroke": amount("m", above=0.0),
-        "length": amount("m", above=0.0, absent=as_drawn, kept=True),
-        "exponent": amount(above=1.0),
-        "damping": amount("N s/m", least=0.0),
-        "end_stiffness": amount("N/m", least=0.0),
-    },
+    **BETWEEN,
+    force=amount("N", above=0.0),
+    progression=amount(above=1.0),
+    stroke=amount("m", above=0.0),
+    length=amount("m", above=0.0, absent=as_drawn, kept=True),
+    exponent=amount(above=1.0),
+    damping=amount("N s/m", least=0.0),
+    end_stiffness=amount("N/m", least=0.0),
     lost="it no longer acts",
 )
 
