@@ -1,6 +1,6 @@
 """The pages of docs/: what is generated in them, and the site that is made of them.
 
-python tools/docs.py --write          rewrite the generated parts of docs/*.md
+python tools/docs.py --write          rewrite the generated parts of docs/*.md and of the schema of model files
 python tools/docs.py --render FOLDER  the site, with the figures that examples/paper and tools/*_page.py draw
 python tools/docs.py --links FOLDER   whether every link of a rendered site leads somewhere, and nothing is fetched
 python tools/docs.py --look FOLDER    a rendered site in Chromium: nothing cut or pale, search, animated pages
@@ -20,6 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from partita import catalogue
+from partita.builder.declaration import LOADS
 from partita.io import mjcf_table, schema, sdf_table, urdf_table, usd_table, writing_table
 from partita.io.format_table import Item
 
@@ -42,6 +43,8 @@ def main() -> None:
     parser.add_argument("--shots", metavar="FOLDER", type=Path, help="with --look: save pictures of the pages there")
     arguments = parser.parse_args()
     if arguments.write:
+        schema.PATH.write_text(scripts(TOOLS, "elements").current(), encoding="utf-8")
+        schema.load.cache_clear()
         for page in pages():
             page.write_text(current(page), encoding="utf-8")
     if arguments.render:
@@ -106,6 +109,8 @@ def schema_page() -> str:
     for key, rule in root["properties"].items():
         many = rule.get("type") == "array"
         lines += [f"## `{'[[' if many else '['}{key}{']]' if many else ']'}`", "", rule["description"], ""]
+        if (load := LOADS.get(key)) is not None and load.lost:
+            lines += [f"Files of other formats lack it: {load.lost}.", ""]
         table = rule["items"] if many else rule
         if "oneOf" not in table:
             lines += keys(table)
@@ -137,13 +142,19 @@ def formats_page() -> str:
 
 
 def written_page() -> str:
-    """The table by which files are written; elements of one fate together."""
+    """The table by which files are written; elements of one fate together. What other formats lack without a loss of
+    their own is said where the keys of each load are."""
     rows: dict[tuple[str, ...], list[str]] = {}
+    lost = {kind.replace("_", " ") for kind, load in LOADS.items() if load.lost}
     for kind, fates in writing_table.TABLE.items():
-        rows.setdefault(tuple(str(fates[name]) for name in writing_table.FORMATS), []).append(kind)
+        if kind not in lost:
+            rows.setdefault(tuple(str(fates[name]) for name in writing_table.FORMATS), []).append(kind)
     head = ["| element", *writing_table.FORMATS]
     lines = ["", f"{' | '.join(head)} |", f"{'|---' * len(head)}|"]
     lines += [f"| {', '.join(kinds)} | {' | '.join(fates)} |" for fates, kinds in rows.items()]
+    lines.append(
+        "| any other load: see its part of [model files](model-files.md) | dropped | dropped | dropped | written |"
+    )
     return "\n".join([*lines, "", ""])
 
 

@@ -197,6 +197,11 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         {"stiffness": 9, "length": 7.0, "exponent": 2, "damping": 1, "body1": "c", "point2": (0, 1, 0)},
     ),
     (
+        ("add_gas_strut", "strut", {"body1": "b", "point1": (0, 0, 0), "body2": "ground", "point2": (0, 0, -9)}
+         | {"force": 300.0, "progression": 1.3, "stroke": 0.2, "length": 8.0}),
+        {"force": 9, "progression": 1.2, "stroke": 1.0, "length": 7.0, "exponent": 2, "damping": 1, "end_stiffness": 5},
+    ),
+    (
         ("add_tyre", "tyre", {"body": "d", "center": (0, 0, 0), "axis": (0, 0, 1), "radius": 0.3}
          | {"normal": TILTED, "stiffness": 2e5}),
         {"radius": 0.4, "center": (0, 0, 1), "axis": (0, 1, 1), "point": (0, -3, 0), "ground": "a", "damping": 1},

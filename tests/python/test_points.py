@@ -48,6 +48,9 @@ ELEMENTS: dict[str, Callable[[pt.Mechanism, Any, Any, Any], Any]] = {
         "T", arm, center=p, axis=(0, 0, 1), radius=0.1, normal=(0, 1, 0), stiffness=1e3
     ),
     "rope": lambda m, arm, other, p: m.add_rope("W", arm, p, other, (0, 0, 0), stiffness=5.0, length=0.1),
+    "strut": lambda m, arm, other, p: m.add_gas_strut(
+        "W", arm, p, other, (0, 0, 0), force=5.0, progression=1.3, stroke=0.05, length=0.1
+    ),
     "force": lambda m, arm, other, p: m.add_force(arm, (1, 2, 3), p),
     "rolling": lambda m, arm, other, p: m.add_rolling("R", arm, 0.5, center=p, slips=True),
     "curve": lambda m, arm, other, p: m.add_point_on_curve("G", m.ground, arm, p, lambda x: x**2),

@@ -186,6 +186,8 @@ def machine(
     floor = {**plane, "exponent": 1, "stick_velocity": speed(0.1), "friction": 0.5}
     m.add_contact("c", box, (0, 0, 0), m.ground, (0, length(-9.0), 0), radius1=length(0.1), **floor)
     m.add_rope("r", box, (0, 0, 0), m.ground, (0, length(2.0), 0), length=length(0.5), stiffness=stiffness(1e3))
+    strut = {"length": length(0.5), "stroke": length(0.2), "end_stiffness": stiffness(1e3)}
+    m.add_gas_strut("gs", box, (0, 0, 0), m.ground, (0, length(2.0), 0), force=force(9.0), progression=1.3, **strut)
     m.add_tyre("t", box, center=(0, 0, 0), axis=(0, 0, 1), radius=length(0.3), point=(0, length(-9.0), 0), **plane)
     m.add_drive("C", angle(30.0), coordinate=1)
     m.add_drive("A", velocity=([time(0.0), time(0.5), time(1.5)], [rate(6.0), rate(9.0), rate(9.0)]))

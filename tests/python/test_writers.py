@@ -304,7 +304,7 @@ def test_urdf_and_the_file_beside_it_hold_all_springs(tmp_path: Path) -> None:
     assert sorted(back.forces) == sorted(m.forces) and [*back.joints] == [*m.joints]
     assert back.drawing_tolerance == 2e-5 and back._description.bodies["light"].gravity is False
     for name in m.forces:
-        one, other = (x._description.forces[name] for x in (m, back))
+        one, other = (x.forces[name] for x in (m, back))
         assert (one.stiffness, one.damping) == (other.stiffness, other.damping), name
     one, other = m.compile(), back.compile()
     assert one.names == other.names and one.velocity_names == other.velocity_names
@@ -326,7 +326,7 @@ def test_a_damper_that_was_changed_in_the_urdf_is_followed(tmp_path: Path) -> No
     assert text.count('damping="0.3"') == 1
     (tmp_path / "robot.urdf").write_text(text.replace('damping="0.3"', 'damping="0.4"'), "utf-8")
     back = pt.load(tmp_path / "robot.urdf")
-    forces = [back._description.forces[name] for name in back.forces]
+    forces = list(back.forces.values())
     assert sum(force.damping for force in forces) == 0.4 and sum(force.stiffness for force in forces) == 3.0
     assert "damping 0.4 of joint A is taken from the URDF" in str(back.reading)
 
@@ -373,7 +373,7 @@ def test_a_gimbal_with_dampers_keeps_them(tmp_path: Path) -> None:
         path.write_text(text + "</robot>", "utf-8")
         m = pt.load(path)
         assert [j["kind"] for j in m.compile().summary["joints"]][-1] == kind and len(m.forces) == count
-        assert sorted(m._description.forces[name].damping for name in m.forces) == [0.1, 0.2, 0.3][:count]
+        assert sorted(force.damping for force in m.forces.values()) == [0.1, 0.2, 0.3][:count]
 
 
 LOSSES = {

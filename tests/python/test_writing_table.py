@@ -89,6 +89,9 @@ OTHERS: dict[str, Add] = {
         name, "a", (0, 0, 0), m.ground, (0, 0, -1), normal=(0, 0, 1), radius1=0.1, stiffness=1e3
     ),
     "rope": lambda m, name: m.add_rope(name, "a", (0, 0, 0), m.ground, (0, 0, 2), stiffness=100.0),
+    "gas strut": lambda m, name: m.add_gas_strut(
+        name, "a", (0, 0, 0), m.ground, (0, 0, 2), force=100.0, progression=1.3, stroke=0.2
+    ),
     "tyre": lambda m, name: m.add_tyre(
         name, "a", center=(0, 0, 0), axis=(0, 1, 0), radius=0.3, normal=(0, 0, 1), point=(0, 0, -0.3), stiffness=1e4,
         friction=0.5, longitudinal=5.0, lateral=4.0, slow_speed=0.3,

@@ -136,13 +136,9 @@ pub fn linearize(
     let solved = Solved::new(system.clone(), (t, q, v), independent).map_err(|e| state_error(&*system, e))?;
     let found = solved.first_order(efforts, driven)?;
     let still = system.travel(v) == 0.0;
-<<<<<<< HEAD
     let lasting =
         if still || !system.structure().rheonomic { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
-=======
-    let lasting = if still || !system.rheonomic() { stays(&*system, &found) } else { persists(&solved, (t, q, v))? };
     let accelerates = accelerates(&*system, &solved, &found);
->>>>>>> tables
     let steady = lasting
         && !accelerates
         && (still || unchanging(&solved, (t, q, v), &found, driven)?)

@@ -131,9 +131,9 @@ pub fn suspicious(model: &Model) -> Vec<String> {
         }
     }
     for f in &model.spec.forces {
-        if let Force::TorsionSpring { name, joint, coordinate, angle: x, .. } = f {
-            if turns(joint, *coordinate) {
-                angle(format!("the free angle of {name}"), *x);
+        if let Force::TorsionSpring(x) = f {
+            if turns(&x.joint, x.coordinate) {
+                angle(format!("the free angle of {}", x.name), x.angle);
             }
         }
     }

@@ -195,7 +195,7 @@ fn worked(spec: &Spec) -> HashSet<&str> {
     let measures = spec.drives.iter().map(|d| &d.measure).chain(spec.couplings.iter().flat_map(Coupling::terms));
     let drives = measures.filter_map(Measure::of_joint);
     let forces = spec.forces.iter().filter_map(|f| match f {
-        Force::TorsionSpring { joint, .. } | Force::Torque { joint, .. } => Some(joint.as_str()),
+        Force::TorsionSpring(_) | Force::Torque(_) => f.along().map(|(joint, _)| joint),
         _ => None,
     });
     drives.chain(forces).collect()

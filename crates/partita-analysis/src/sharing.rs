@@ -359,7 +359,7 @@ mod tests {
     use super::*;
     use crate::examples::*;
     use partita_model::spec::JointKind::Revolute;
-    use partita_model::spec::{Axes, Force, Spec, Value, VectorValue};
+    use partita_model::spec::{Axes, Force, PointForce, Spec, Spring, Value, VectorValue};
     use partita_model::zero_position::Coordinates;
 
     /// A leaf on three hinges of one axis, which carries its weight of 9.81 N.
@@ -425,22 +425,26 @@ mod tests {
             assert!(m.is_planar(), "{}", m.spec.name);
             with_rule_for_loads::<_, AnalysisError>(&m, Some((0.0, &m.initial())), |rule| Ok(rule.is_some())).unwrap()
         };
-        let force = |point: [f64; 3], value: [f64; 3]| Force::Force {
-            name: "push".into(),
-            body: "coupler".into(),
-            point,
-            value: VectorValue::Components(value.map(Value::Constant)),
-            axes: Axes::World,
+        let force = |point: [f64; 3], value: [f64; 3]| {
+            Force::Force(PointForce {
+                name: "push".into(),
+                body: "coupler".into(),
+                point,
+                value: VectorValue::Components(value.map(Value::Constant)),
+                axes: Axes::World,
+            })
         };
-        let spring = |z: f64| Force::Spring {
-            name: "spring".into(),
-            body1: "ground".into(),
-            point1: [0.0, 2.0, z],
-            body2: "coupler".into(),
-            point2: [0.1, 0.0, z],
-            stiffness: 10.0,
-            damping: 0.0,
-            length: 1.0,
+        let spring = |z: f64| {
+            Force::Spring(Spring {
+                name: "spring".into(),
+                body1: "ground".into(),
+                point1: [0.0, 2.0, z],
+                body2: "coupler".into(),
+                point2: [0.1, 0.0, z],
+                stiffness: 10.0,
+                damping: 0.0,
+                length: 1.0,
+            })
         };
         let changed = |change: &dyn Fn(&mut Spec)| {
             let mut spec = four_bar([Revolute; 4]);

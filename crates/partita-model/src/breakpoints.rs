@@ -5,7 +5,7 @@ use crate::evaluator::{with_engine, Evaluator, Scratch};
 use crate::force::Element;
 use crate::measurement::is_angle;
 use crate::rows::Owner;
-use crate::spec::{Coupling, Force, Spec, Table, Value};
+use crate::spec::{Coupling, Force, Spec, Table, Torque, Value};
 use crate::time_domain;
 use crate::value::Abscissa;
 use partita_math::spatial::Space;
@@ -122,7 +122,9 @@ fn of_condition<G: Space>(spec: &Spec, model: &Evaluator<f64>, condition: &Condi
 fn of_element<G: Space>(spec: &Spec, model: &Evaluator<f64>, element: &Element<G>) -> Option<Breakpoints> {
     let Element::Load(load) = element else { return None };
     spec.forces.iter().find_map(|force| match force {
-        Force::Torque { name, value: Value::Table(table), over: Some(over), periodic, .. } if *name == load.name => {
+        Force::Torque(Torque { name, value: Value::Table(table), over: Some(over), periodic, .. })
+            if *name == load.name =>
+        {
             of_table(table, Enters::Effort, *periodic, is_angle(&model.placed, over))
         }
         _ => None,

@@ -1,4 +1,4 @@
-//! Guards of a mechanism: gaps of contacts and tyres, slack of ropes, ends of stops, limits of the rotation of bushings.
+//! Guards of a mechanism: gaps of contacts and tyres, corners of laws between points, ends of stops, limits of the rotation of bushings.
 
 use crate::evaluator::{with_engine, Evaluator, Scratch};
 use crate::force::{At, Element, Surface};
@@ -25,7 +25,10 @@ impl<G: Space<S = f64>> Element<G> {
                 };
                 vec![guard(format!("contact \"{name}\""), size, e.passed_through())]
             }
-            Self::Rope(e) => vec![guard(format!("rope \"{name}\""), e.length, None)],
+            Self::TwoPoint(e) => {
+                let what = format!("{} \"{name}\"", e.law.word());
+                e.law.corners().iter().flatten().map(|x| guard(what.clone(), x.length, None)).collect()
+            }
             Self::Tyre(e) => vec![guard(format!("tyre \"{name}\""), e.radius, None)],
             Self::Bushing(e) if e.turns => vec![guard(format!("bushing \"{name}\""), 1.0, None)],
             Self::Load(e) => {
@@ -44,10 +47,9 @@ impl<G: Space<S = f64>> Element<G> {
                 out[0] = Reading { x, rate, apart: gap.abs(), speed };
                 1
             }
-            Self::Rope(e) => {
-                let [x, rate, slack, speed] = e.gap(at);
-                out[0] = Reading { x, rate, apart: slack.abs(), speed };
-                1
+            Self::TwoPoint(e) => {
+                let corners = e.law.corners();
+                out.iter_mut().zip(corners.iter().flatten()).map(|(out, x)| *out = e.gap(at, x)).count()
             }
             Self::Tyre(e) => {
                 let [gap, rate, speed] = e.gap(at);
@@ -105,5 +107,5 @@ impl Evaluator<f64> {
 }
 
 fn is_guarded<G: Space>(e: &Element<G>) -> bool {
-    matches!(e, Element::Contact(_) | Element::Rope(_) | Element::Tyre(_) | Element::Bushing(_) | Element::Load(_))
+    matches!(e, Element::Contact(_) | Element::TwoPoint(_) | Element::Tyre(_) | Element::Bushing(_) | Element::Load(_))
 }

@@ -6,7 +6,7 @@
 //! Numbers     the zero position: points, masses, inertias in mechanism axes, from which trees and forces are made
 //! ```
 
-use crate::spec::{Coupling, Force, GivenAs, Gravity, Spec, Value, VectorValue};
+use crate::spec::{Coupling, GivenAs, Spec};
 use crate::zero_position::{Moved, Placed};
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Mat3, Vec3};
@@ -27,8 +27,8 @@ pub struct DescribedBody<S> {
 pub struct Fields<S>(pub Vec<(&'static str, Vec<S>)>);
 
 impl<S: Scalar> Fields<S> {
-    fn lifted(fields: Vec<(&'static str, &mut [f64])>) -> Self {
-        let lifted = |x: &[f64]| x.iter().map(|x| S::from_f64(*x)).collect();
+    fn lifted<'n, N: IntoIterator<Item = &'n mut f64>>(fields: Vec<(&'static str, N)>) -> Self {
+        let lifted = |x: N| x.into_iter().map(|x| S::from_f64(*x)).collect();
         Self(fields.into_iter().map(|(name, x)| (name, lifted(x))).collect())
     }
 
@@ -64,41 +64,6 @@ impl<S: Scalar> Fields<S> {
     }
 }
 
-/// Numbers of a force as described; those that its kind does not have are 0.
-#[derive(Clone, Debug)]
-pub struct DescribedForce<S> {
-    /// Points on the bodies.
-    pub points: [Vec3<S>; 2],
-    /// Stiffness.
-    pub stiffness: S,
-    /// Damping.
-    pub damping: S,
-    /// Free length or angle.
-    pub rest: S,
-    /// Constant effort (first component) or force.
-    pub value: Vec3<S>,
-    /// Numbers of a kind of force with its own record, by field.
-    pub of_load: Fields<S>,
-}
-
-impl<S: Scalar> DescribedForce<S> {
-    fn none() -> Self {
-        let o = S::zero();
-        let of_load = Fields(Vec::new());
-        Self { points: [Vec3::zero(); 2], stiffness: o, damping: o, rest: o, value: Vec3::zero(), of_load }
-    }
-
-    /// The number of a field, 0 where it has none.
-    pub fn number(&self, name: &str) -> S {
-        self.of_load.number(name)
-    }
-
-    /// The three numbers of a field.
-    pub fn vector(&self, name: &str) -> Vec3<S> {
-        self.of_load.vector(name)
-    }
-}
-
 /// Numbers of a description that may change while its structure stays: parameters.
 #[derive(Clone, Debug)]
 pub struct Described<S> {
@@ -114,15 +79,8 @@ pub struct Described<S> {
     pub couplings: Vec<Fields<S>>,
     /// Numbers of each rotor by field.
     pub rotors: Vec<Fields<S>>,
-    /// One for each force.
-    pub forces: Vec<DescribedForce<S>>,
-}
-
-fn constant(v: &Value) -> f64 {
-    match v {
-        Value::Constant(x) => *x,
-        Value::Table(_) | Value::Function(_) => 0.0,
-    }
+    /// Numbers of each force by field.
+    pub forces: Vec<Fields<S>>,
 }
 
 impl<S: Scalar> Described<S> {
@@ -134,40 +92,6 @@ impl<S: Scalar> Described<S> {
             com: vec(b.com),
             inertia: Mat3::from_f64(b.inertia),
         });
-        let forces = spec.forces.iter().map(|f| match f {
-            Force::Spring { point1, point2, stiffness, damping, length, .. } => DescribedForce {
-                points: [vec(*point1), vec(*point2)],
-                stiffness: S::from_f64(*stiffness),
-                damping: S::from_f64(*damping),
-                rest: S::from_f64(*length),
-                ..DescribedForce::none()
-            },
-            Force::TorsionSpring { stiffness, damping, angle, .. } => DescribedForce {
-                stiffness: S::from_f64(*stiffness),
-                damping: S::from_f64(*damping),
-                rest: S::from_f64(*angle),
-                ..DescribedForce::none()
-            },
-            Force::Torque { value, .. } => {
-                DescribedForce { value: vec([constant(value), 0.0, 0.0]), ..DescribedForce::none() }
-            }
-            Force::Force { point, value, .. } => DescribedForce {
-                points: [vec(*point), Vec3::zero()],
-                value: vec(match value {
-                    VectorValue::Components(v) => [0, 1, 2].map(|i| constant(&v[i])),
-                    VectorValue::Whole(v) => [constant(v); 3],
-                }),
-                ..DescribedForce::none()
-            },
-            Force::Gravity(Gravity { value: VectorValue::Components(v), .. }) => {
-                DescribedForce { value: vec([0, 1, 2].map(|i| constant(&v[i]))), ..DescribedForce::none() }
-            }
-            _ => {
-                let mut copy = f.clone();
-                let of_load = Fields::lifted(copy.record_mut().map_or_else(Vec::new, |load| load.numbers()));
-                DescribedForce { of_load, ..DescribedForce::none() }
-            }
-        });
         Self {
             gravity: vec(spec.gravity),
             bodies: bodies.collect(),
@@ -175,7 +99,7 @@ impl<S: Scalar> Described<S> {
             pitches: spec.joints.iter().map(|j| S::from_f64(j.pitch.unwrap_or(0.0))).collect(),
             couplings: spec.couplings.iter().map(|c| Fields::lifted(c.clone().numbers())).collect(),
             rotors: spec.rotors.iter().map(|r| Fields::lifted(r.clone().numbers())).collect(),
-            forces: forces.collect(),
+            forces: spec.forces.iter().map(|f| Fields::lifted(f.clone().record_mut().numbers())).collect(),
         }
     }
 }
@@ -213,7 +137,7 @@ pub struct Numbers<S> {
     /// Numbers of the rotors as described.
     pub rotors: Vec<Fields<S>>,
     /// Numbers of the forces as described.
-    pub forces: Vec<DescribedForce<S>>,
+    pub forces: Vec<Fields<S>>,
 }
 
 impl<S: Scalar> Numbers<S> {

@@ -91,7 +91,12 @@ impl<G: Space<S = f64>> Element<G> {
                         .flatten()
                 })
             }
-            Self::Rope(e) => begins("rope", e.gap(at)[2], e.length, e.buffer.exponent),
+            Self::TwoPoint(e) => {
+                let distance = e.distance(at);
+                let corners = e.law.corners();
+                let mut all = corners.iter().flatten();
+                all.find_map(|x| begins(e.law.word(), x.length - distance, x.length, x.exponent))
+            }
             Self::Tyre(e) => begins("tyre", e.gap(at)[0], e.radius, e.buffer.exponent),
             _ => None,
         }

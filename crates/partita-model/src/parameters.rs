@@ -27,7 +27,7 @@ use crate::massless;
 use crate::model::Model;
 use crate::numbers::{Described, Numbers};
 use crate::rows::Owner;
-use crate::spec::{Coupling, Force, JointKind, Spec, Value, VectorValue};
+use crate::spec::{Coupling, JointKind, Spec};
 use crate::validate;
 use crate::zero_position::Placed;
 use partita_math::scalar::Scalar;
@@ -44,13 +44,7 @@ enum Slot {
     Inertia(usize),
     Point(usize),
     ChildPoint(usize),
-    Stiffness(usize),
-    Damping(usize),
-    Rest(usize),
-    ForcePoint(usize, usize),
-    /// A constant, and how many numbers it has.
-    Value(usize, usize),
-    /// A field of a force that has a record of its own.
+    /// A field of a force.
     OfLoad(usize, usize),
     Pitch(usize),
     /// A field of a coupling.
@@ -69,44 +63,10 @@ impl Slot {
             Self::Inertia(i) => d.bodies[i].inertia.0.as_flattened_mut(),
             Self::Point(i) => &mut d.joints[i].0 .0,
             Self::ChildPoint(i) => d.joints[i].1.as_mut().map_or(&mut [], |x| &mut x.0),
-            Self::Stiffness(i) => std::slice::from_mut(&mut d.forces[i].stiffness),
-            Self::Damping(i) => std::slice::from_mut(&mut d.forces[i].damping),
-            Self::Rest(i) => std::slice::from_mut(&mut d.forces[i].rest),
-            Self::ForcePoint(i, k) => &mut d.forces[i].points[k].0,
-            Self::Value(i, n) => &mut d.forces[i].value.0[..n],
-            Self::OfLoad(i, k) => &mut d.forces[i].of_load.0[k].1,
+            Self::OfLoad(i, k) => &mut d.forces[i].0[k].1,
             Self::Pitch(i) => std::slice::from_mut(&mut d.pitches[i]),
             Self::OfCoupling(i, k) => &mut d.couplings[i].0[k].1,
             Self::OfRotor(i, k) => &mut d.rotors[i].0[k].1,
-        }
-    }
-
-    /// Parameters of a force, with the names of their fields.
-    fn of_force(i: usize, f: &Force) -> Vec<(&'static str, Self)> {
-        let constant = |v: &Value| matches!(v, Value::Constant(_));
-        match f {
-            Force::Spring { .. } => vec![
-                ("stiffness", Self::Stiffness(i)),
-                ("damping", Self::Damping(i)),
-                ("length", Self::Rest(i)),
-                ("point1", Self::ForcePoint(i, 0)),
-                ("point2", Self::ForcePoint(i, 1)),
-            ],
-            Force::TorsionSpring { .. } => {
-                vec![("stiffness", Self::Stiffness(i)), ("damping", Self::Damping(i)), ("angle", Self::Rest(i))]
-            }
-            Force::Torque { value, .. } if constant(value) => vec![("value", Self::Value(i, 1))],
-            Force::Torque { .. } => vec![],
-            Force::Force { value: VectorValue::Components(v), .. } if v.iter().all(constant) => {
-                vec![("point", Self::ForcePoint(i, 0)), ("value", Self::Value(i, 3))]
-            }
-            Force::Force { .. } => vec![("point", Self::ForcePoint(i, 0))],
-            Force::Gravity(_) => vec![],
-            _ => {
-                let mut copy = f.clone();
-                let fields = copy.record_mut().map_or_else(Vec::new, |load| load.numbers());
-                fields.into_iter().enumerate().map(|(k, (name, _))| (name, Self::OfLoad(i, k))).collect()
-            }
         }
     }
 
@@ -138,7 +98,9 @@ impl Slot {
             all.extend(fields.into_iter().enumerate().map(named));
         }
         for (i, f) in spec.forces.iter().enumerate() {
-            all.extend(Self::of_force(i, f).into_iter().map(|(field, s)| (format!("{}.{field}", f.name()), s)));
+            let fields = f.clone().record_mut().numbers().into_iter().map(|(field, _)| field).collect::<Vec<_>>();
+            let named = |(k, field)| (format!("{}.{field}", f.name()), Self::OfLoad(i, k));
+            all.extend(fields.into_iter().enumerate().map(named));
         }
         all
     }
@@ -201,32 +163,9 @@ fn rewritten(spec: &Spec, d: &Described<f64>) -> Spec {
     for (r, n) in spec.rotors.iter_mut().zip(&d.rotors) {
         r.numbers().into_iter().zip(&n.0).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
     }
-    let set = |v: &mut Value, x: f64| {
-        if let Value::Constant(c) = v {
-            *c = x;
-        }
-    };
     for (f, n) in spec.forces.iter_mut().zip(&d.forces) {
-        match f {
-            Force::Spring { point1, point2, stiffness, damping, length, .. } => {
-                (*point1, *point2) = (n.points[0].0, n.points[1].0);
-                (*stiffness, *damping, *length) = (n.stiffness, n.damping, n.rest);
-            }
-            Force::TorsionSpring { stiffness, damping, angle, .. } => {
-                (*stiffness, *damping, *angle) = (n.stiffness, n.damping, n.rest);
-            }
-            Force::Torque { value, .. } => set(value, n.value.0[0]),
-            Force::Force { point, value, .. } => {
-                *point = n.points[0].0;
-                match value {
-                    VectorValue::Components(v) => v.iter_mut().zip(n.value.0).for_each(|(v, x)| set(v, x)),
-                    VectorValue::Whole(v) => set(v, n.value.0[0]),
-                }
-            }
-            other => {
-                let fields = other.record_mut().map_or_else(Vec::new, |load| load.numbers());
-                fields.into_iter().zip(&n.of_load.0).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
-            }
+        for ((_, own), (_, new)) in f.record_mut().numbers().into_iter().zip(&n.0) {
+            own.into_iter().zip(new).for_each(|(x, new)| *x = *new);
         }
     }
     spec

@@ -55,14 +55,10 @@ fn lies_in_plane(spec: &Spec, normal: Vec3<f64>, level: f64) -> bool {
         heights.extend(std::iter::once(j.point).chain(j.child_point).map(|x| height(Vec3(x))));
     }
     for f in &spec.forces {
-        match f {
-            Force::Force { body, point, .. } => heights.push(at(body, *point)),
-            Force::Spring { body1, point1, body2, point2, .. } => {
-                heights.extend([at(body1, *point1), at(body2, *point2)]);
-            }
-            Force::Rope(x) => heights.extend([at(&x.body1, x.point1), at(&x.body2, x.point2)]),
-            _ => {}
+        if let Force::Force(x) = f {
+            heights.push(at(&x.body, x.point));
         }
+        heights.extend(f.record().line().into_iter().flatten().map(|(body, point)| at(body, point)));
     }
     let mut straight = true;
     for b in &spec.bodies {
@@ -99,7 +95,7 @@ fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
         (normal.dot(at), at.norm())
     };
     // ends at different heights pull a body out of the plane
-    let apart = |one: (&String, [f64; 3]), two: (&String, [f64; 3])| {
+    let apart = |[one, two]: [(&str, [f64; 3]); 2]| {
         let ((a, x), (b, y)) = (height(one.0, one.1), height(two.0, two.1));
         (a - b).abs() > tolerance::EQUAL * x.max(y)
     };
@@ -107,11 +103,9 @@ fn loaded_across(spec: &Spec, normal: Vec3<f64>) -> bool {
         || spec.forces.iter().any(|f| match f {
             along if along.along().is_some() => false,
             Force::Weightless(_) => false,
-            Force::Force { value, axes: Axes::Body, body, .. } => vector(value, to_body(body)),
-            Force::Force { value, .. } => vector(value, normal),
+            Force::Force(x) if x.axes == Axes::Body => vector(&x.value, to_body(&x.body)),
+            Force::Force(x) => vector(&x.value, normal),
             Force::Gravity(x) => vector(&x.value, normal),
-            Force::Spring { body1, point1, body2, point2, .. } => apart((body1, *point1), (body2, *point2)),
-            Force::Rope(x) => apart((&x.body1, x.point1), (&x.body2, x.point2)),
-            _ => true,
+            other => other.record().line().is_none_or(apart),
         })
 }

@@ -83,18 +83,15 @@ pub struct CountedEffort {
 impl Model {
     /// Force number `i` of the description, if it is such an effort.
     pub fn counted_effort(&self, i: usize) -> Option<CountedEffort> {
-        let (Force::Torque { joint, coordinate, .. }, Ok((e, _))) = (self.spec.forces.get(i)?, self.load_number(i))
-        else {
-            return None;
-        };
+        let (Force::Torque(torque), Ok((e, _))) = (self.spec.forces.get(i)?, self.load_number(i)) else { return None };
         let Element::Load(load) = &self.own.full.elements[e] else { return None };
         let LoadLaw::Effort(Effort { value: Source::Constant(effort), in_state: false }) = load.law else {
             return None;
         };
-        let joint = *self.own.placed.joint_numbers.get(joint)?;
+        let (joint, coordinate) = (*self.own.placed.joint_numbers.get(&torque.joint)?, torque.coordinate);
         // angular velocities of a spatial rotation are no rates of coordinates
         let scalars = self.own.placed.joints[joint].shape.motions.iter().take_while(|m| **m != Motion::Ball).count();
-        (*coordinate < scalars).then_some(CountedEffort { effort, joint, coordinate: *coordinate })
+        (coordinate < scalars).then_some(CountedEffort { effort, joint, coordinate })
     }
 
     /// Index among the elements of force number `i` of the description, and number of bodies it acts on: springs
@@ -103,7 +100,7 @@ impl Model {
     /// # Errors
     /// If there is no such force.
     pub fn load_number(&self, i: usize) -> Result<(usize, usize), DescriptionError> {
-        let spring = |f: &Force| matches!(f, Force::Spring { .. });
+        let spring = |f: &Force| matches!(f, Force::Spring(_));
         let (forces, elements) = (&self.spec.forces, &self.own.full.elements);
         if i >= forces.len() || elements.len() != forces.len() {
             let message = format!("there is no force {i}; there are {}, numbered from 0", forces.len());

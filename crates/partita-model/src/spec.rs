@@ -2,12 +2,14 @@
 
 mod couplings;
 mod forces;
+mod joint_loads;
 mod loads;
 mod rotor;
 
 pub use couplings::{Coupling, GivenAs};
 pub use forces::*;
-pub use loads::{Bushing, Contact, Gravity, Law, Rope, Sight, Spot, Tyre, Weightless};
+pub use joint_loads::{Follows, Friction, GasSpring, Stop, Torque, TorsionSpring};
+pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
 pub use rotor::Rotor;
 
 use serde::{Deserialize, Serialize};

@@ -177,19 +177,15 @@ pub(crate) fn is_seen(spec: &Spec, placed: &Placed, x: &Turning) -> bool {
         }
     };
     let by_force = |f: &Force| match f {
-        Force::Spring { body1, point1, body2, point2, .. } => {
-            !within(body1, body2) && (off(body1, point1) || off(body2, point2))
-        }
-        Force::Rope(x) => !within(&x.body1, &x.body2) && (off(&x.body1, &x.point1) || off(&x.body2, &x.point2)),
-        Force::Force { body, point, .. } => off(body, point),
-        Force::Torque { joint: j, coordinate, over, .. } => {
-            joint(j, *coordinate) || over.as_ref().is_some_and(measured)
-        }
+        Force::Force(x) => off(&x.body, &x.point),
+        Force::Torque(x) => joint(&x.joint, x.coordinate) || x.over.as_ref().is_some_and(measured),
         Force::Weightless(_) | Force::Gravity(_) => false,
         other => {
-            let bodies = other.record().map_or_else(Vec::new, |x| x.bodies());
+            if let Some([(body1, point1), (body2, point2)]) = other.record().line() {
+                return !within(body1, body2) && (off(body1, &point1) || off(body2, &point2));
+            }
+            let (bodies, own) = (other.record().bodies(), other.record().joints());
             let along = other.along().into_iter().chain(other.over());
-            let own = other.record().map_or_else(Vec::new, |x| x.joints());
             let inside =
                 matches!(other, Force::Bushing(_) | Force::Contact(_)) && bodies.iter().all(|name| of(name).is_some());
             !inside && bodies.iter().any(|name| of(name).is_some()) || along.chain(own).any(|(j, i)| joint(j, i))

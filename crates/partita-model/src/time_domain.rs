@@ -1,14 +1,7 @@
 //! Time domain of a mechanism: up to the end of the table that ends first.
 
-use crate::spec::{Force, ForceRecord, Level, Spec, Table, Turning, Value, VectorValue};
+use crate::spec::{Force, Level, Spec, Table, Turning, Value};
 use partita_system::breakpoints::{Breakpoints, Enters, Reads};
-
-fn tables(value: &VectorValue) -> Vec<&Value> {
-    match value {
-        VectorValue::Components(all) => all.iter().collect(),
-        VectorValue::Whole(one) => vec![one],
-    }
-}
 
 /// The name of an element and what it is.
 type Named<'s> = (&'s str, &'static str);
@@ -27,11 +20,8 @@ pub fn changes(spec: &Spec) -> bool {
 fn over_time(force: &Force) -> Vec<&Value> {
     match force {
         // a table over a coordinate has no end in time
-        Force::Torque { over: Some(_), .. } => Vec::new(),
-        Force::Torque { value, .. } => vec![value],
-        Force::Force { value, .. } => tables(value),
-        Force::Spring { .. } | Force::TorsionSpring { .. } => Vec::new(),
-        other => other.record().map_or_else(Vec::new, ForceRecord::values),
+        Force::Torque(x) if x.over.is_some() => Vec::new(),
+        other => other.record().values(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::DescriptionError;
 use crate::spec::LARGEST_TOLERANCE;
-use crate::spec::{Body, Coupling, Force, ForceRecord, Measure, Spec, Value, VectorValue, VERSION};
+use crate::spec::{Body, Coupling, Force, ForceRecord, Measure, Spec, Torque, Value, VERSION};
 use crate::value;
 use partita_math::dense::Matrix;
 use partita_math::factor;
@@ -115,7 +115,8 @@ fn two(a: usize, b: usize, element: &'static str, name: &str) -> Result<(), Desc
 fn load(load: &mut dyn ForceRecord, functions: usize) -> Result<(), DescriptionError> {
     let name = load.name().to_string();
     let fail = |m: String| Err(DescriptionError::new("force", &name, m));
-    load.numbers().into_iter().try_for_each(|(what, x)| finite(x, "force", &name, what))?;
+    let numbers = load.numbers().into_iter().map(|(what, x)| (what, x.iter().map(|x| **x).collect::<Vec<_>>()));
+    numbers.into_iter().try_for_each(|(what, x)| finite(&x, "force", &name, what))?;
     if let Some(m) = load.fault() {
         return fail(m);
     }
@@ -274,47 +275,18 @@ pub fn validate(spec: &Spec, functions: usize) -> Result<(), DescriptionError> {
         }
     }
     for f in &spec.forces {
-        match f {
-            Force::Spring { name, body1, point1, body2, point2, stiffness, damping, length } => {
-                known("force", name, body1)?;
-                known("force", name, body2)?;
-                finite(point1, "force", name, "point1")?;
-                finite(point2, "force", name, "point2")?;
-                finite(&[*stiffness, *damping, *length], "force", name, "stiffness, damping, length")?;
-            }
-            Force::TorsionSpring { name, joint: j, stiffness, damping, angle, .. } => {
-                joint("force", name, j)?;
-                finite(&[*stiffness, *damping, *angle], "force", name, "stiffness, damping, angle")?;
-            }
-            Force::Torque { name, joint: j, value: v, over, .. } => {
-                joint("force", name, j)?;
-                value::check(v, functions, "force", name)?;
-                if let Some(over) = over {
-                    measure(over, "force", name)?;
-                    if !matches!(v, Value::Table(_)) {
-                        let m = "an abscissa is given, but its value is not a table";
-                        return Err(DescriptionError::new("force", name, m));
-                    }
-                }
-            }
-            Force::Force { name, body, point, value: v, .. } => {
-                known("force", name, body)?;
-                finite(point, "force", name, "point")?;
-                match v {
-                    VectorValue::Components(v) => {
-                        v.iter().try_for_each(|v| value::check(v, functions, "force", name))?;
-                    }
-                    VectorValue::Whole(v) => value::check(v, functions, "force", name)?,
-                }
-            }
-            other => {
-                let mut copy = other.clone();
-                let Some(load) = copy.record_mut() else { continue };
-                load.bodies().into_iter().try_for_each(|b| known("force", load.name(), b).map(|_| ()))?;
-                load.joints().into_iter().try_for_each(|(j, _)| joint("force", load.name(), j))?;
-                self::load(load, functions)?;
+        if let Force::Torque(Torque { name, value: v, over: Some(over), .. }) = f {
+            measure(over, "force", name)?;
+            if !matches!(v, Value::Table(_)) {
+                let m = "an abscissa is given, but its value is not a table";
+                return Err(DescriptionError::new("force", name, m));
             }
         }
+        let mut copy = f.clone();
+        let load = copy.record_mut();
+        load.bodies().into_iter().try_for_each(|b| known("force", load.name(), b).map(|_| ()))?;
+        load.joints().into_iter().try_for_each(|(j, _)| joint("force", load.name(), j))?;
+        self::load(load, functions)?;
     }
     Ok(())
 }

@@ -283,10 +283,10 @@ pub(crate) fn failed(what: &str, source: Box<dyn std::error::Error + Send + Sync
 }
 
 impl<S: Scalar> Source<S> {
-    /// From a description: `constant` stands for its number.
-    pub fn new(value: &Value, constant: S) -> Self {
+    /// From a description; `given`: in place of its number.
+    pub fn new(value: &Value, given: Option<&S>) -> Self {
         match value {
-            Value::Constant(_) => Self::Constant(constant),
+            Value::Constant(x) => Self::Constant(given.copied().unwrap_or_else(|| S::from_f64(*x))),
             Value::Table(table) => Self::Table(table.clone()),
             Value::Function(i) => Self::Function(*i),
         }
@@ -315,15 +315,14 @@ impl<S: Scalar> Source<S> {
 }
 
 impl<S: Scalar> VectorSource<S> {
-    /// From a description: `constants` stand for its numbers.
-    pub fn new(value: &VectorValue, constants: Vec3<S>) -> Self {
-        let [a, b, c] = constants.0;
+    /// From a description; `given`: in place of its numbers, if any.
+    pub fn new(value: &VectorValue, given: &[S]) -> Self {
         match value {
-            VectorValue::Components([x, y, z]) => {
-                Self::Components([Source::new(x, a), Source::new(y, b), Source::new(z, c)])
+            VectorValue::Components(all) => {
+                Self::Components(std::array::from_fn(|i| Source::new(&all[i], given.get(i))))
             }
             VectorValue::Whole(Value::Function(i)) => Self::Function([Source::Function(*i)]),
-            VectorValue::Whole(x) => Self::Components([Source::new(x, a), Source::new(x, b), Source::new(x, c)]),
+            VectorValue::Whole(x) => Self::Components([0; 3].map(|_| Source::new(x, None))),
         }
     }
 

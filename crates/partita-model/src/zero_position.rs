@@ -260,7 +260,7 @@ fn plane(motions: &[Motion], shapes: &[(&Shape, Mat3<f64>)]) -> Option<Mat3<f64>
 /// All readings besides coordinates of the joints themselves.
 fn measures(spec: &Spec) -> impl Iterator<Item = &Measure> {
     let over = spec.forces.iter().filter_map(|f| match f {
-        Force::Torque { over, .. } => over.as_ref(),
+        Force::Torque(x) => x.over.as_ref(),
         _ => None,
     });
     spec.couplings.iter().flat_map(Coupling::terms).chain(spec.drives.iter().map(|d| &d.measure)).chain(over)

@@ -377,11 +377,7 @@ impl Model {
             let (q, v) = self.state(&q, &v)?;
             let (system, calls) = (self.inner.clone(), self.inner.equations().calls_functions());
             let tangent = run::tangent(self.nv(), tangent);
-<<<<<<< HEAD
-            run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, calls)
-=======
-            with_motion(py, &self.inner, run::run(py, system, options, &t_eval, (&q, &v), tangent, progress, calls)?)
->>>>>>> tables
+            with_motion(py, &self.inner, run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, calls)?)
         })
     }
 

@@ -177,7 +177,7 @@ impl Motion {
         self.of_states(py, |m, states| {
             let which = chosen(py, which, m.spec.joints.len(), "joint")?;
             let found = watched(py, |watch| outputs::joints(m, states, &which, watch))?;
-            let shape = |j: &usize| &m.placed.joints[*j].shape;
+            let shape = |j: &usize| m.shape(*j);
             let nq = which.iter().flat_map(|j| &shape(j).motions).map(partita_model::joint::Motion::coordinates).sum();
             let nv = which.iter().map(|j| shape(j).dof()).sum();
             let shapes: [(&str, &[usize]); 3] =
@@ -192,7 +192,7 @@ impl Motion {
         self.of_accelerations(py, |m, states, vdot| {
             let which = chosen(py, which, m.spec.joints.len(), "joint")?;
             let mut found = watched(py, |watch| outputs::joint_accelerations(m, states, vdot, &which, watch))?;
-            let nv = which.iter().map(|&j| m.placed.joints[j].shape.dof()).sum();
+            let nv = which.iter().map(|&j| m.shape(j).dof()).sum();
             Ok(array(py, &[states.len(), nv], found.swap_remove(0)))
         })
     }
@@ -236,7 +236,7 @@ impl Motion {
         self.of_forces(py, |m, states, forces| {
             known(py, &[joint], m.spec.joints.len(), "joint")?;
             let found = watched(py, |watch| outputs::reaction(m, states, forces, joint, watch))?;
-            let nv = m.placed.joints[joint].shape.dof();
+            let nv = m.shape(joint).dof();
             let shapes: [(&str, &[usize]); 4] =
                 [("force", &[3]), ("moment", &[3]), ("drive", &[nv]), ("joint_rotation", &[3, 3])];
             named(py, states.len(), found, &shapes)
@@ -257,7 +257,7 @@ impl Motion {
             let shapes: [(&str, &[usize]); 7] = [
                 ("force", &[nj, 3]),
                 ("moment", &[nj, 3]),
-                ("drive", &[m.placed.joints.iter().map(|p| p.shape.dof()).sum()]),
+                ("drive", &[m.zero_position().joints.iter().map(|p| p.shape.dof()).sum()]),
                 ("joint_rotation", &[nj, 3, 3]),
                 ("residual", &[]),
                 ("residuals", &[m.spec.bodies.len()]),
@@ -308,7 +308,7 @@ impl Motion {
     fn determined<'py>(&self, py: Python<'py>) -> PyResult<[Flags<'py>; 4]> {
         self.of_states(py, |m, states| {
             let (nt, nj) = (states.len(), m.spec.joints.len());
-            let dof = m.placed.joints.iter().map(|p| p.shape.dof()).sum();
+            let dof = m.zero_position().joints.iter().map(|p| p.shape.dof()).sum();
             let mut found = watched(py, |watch| determined::flags(m, states, watch))?.into_iter();
             let mut next = |shape: &[usize]| {
                 shaped(py, shape, found.next().unwrap_or_default().into_iter().map(|x| x != 0.0).collect())

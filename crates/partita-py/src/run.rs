@@ -23,11 +23,7 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::ops::ControlFlow;
-<<<<<<< HEAD
-use std::sync::{Arc, Mutex};
-=======
-use std::sync::{Arc, OnceLock};
->>>>>>> tables
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Read options written by the Python package.
@@ -462,12 +458,8 @@ fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     d.set_item(intern!(py, "message"), &run.outcome.message)?;
     d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
     let log = Account {
-<<<<<<< HEAD
         run: Box::new(RunLog { system, log: run.log, shared, reader: Mutex::new(None) }),
-=======
-        run: Box::new(RunLog { system, log: run.log, shared }),
         described: OnceLock::new(),
->>>>>>> tables
         steps: run.outcome.counters,
         work: run.counters,
         steps_open: run.closure_error,

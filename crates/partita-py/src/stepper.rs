@@ -9,7 +9,7 @@ use crate::run;
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::{Request, Stepping};
-use partita_model::spec::{Force, Spec, Table, Value, VectorValue};
+use partita_model::spec::{Force, PointForce, Spec, Table, Torque, Value, VectorValue};
 use partita_model::Model;
 use partita_system::prelude::*;
 use pyo3::prelude::*;
@@ -88,8 +88,8 @@ fn replaced(spec: &Spec, inputs: &[Input], value: impl Fn(usize) -> Value) -> Op
             continue;
         };
         match spec.forces.get_mut(number)? {
-            Force::Torque { value: own, over: None, .. } => *own = value(i),
-            Force::Force { value: VectorValue::Components(own), .. } => *own.get_mut(component)? = value(i),
+            Force::Torque(Torque { value: own, over: None, .. }) => *own = value(i),
+            Force::Force(PointForce { value: VectorValue::Components(own), .. }) => *own.get_mut(component)? = value(i),
             _ => return None,
         }
     }

@@ -198,16 +198,17 @@ impl Mechanism {
     /// Add an applied force: springs, torques, laws.
     ///
     /// ```
+    /// use partita::model::spec::TorsionSpring;
     /// use partita::{Force, Mechanism};
     ///
-    /// let spring = Force::TorsionSpring {
+    /// let spring = Force::TorsionSpring(TorsionSpring {
     ///     name: "spring".into(),
     ///     joint: "A".into(),
     ///     coordinate: 0,
     ///     stiffness: 10.0,
     ///     damping: 0.1,
     ///     angle: 0.0,
-    /// };
+    /// });
     /// assert_eq!(Mechanism::new("m").force(spring).spec().forces.len(), 1);
     /// ```
     pub fn force(mut self, force: Force) -> Self {

@@ -21,9 +21,7 @@ from .records import (
     ForceRecord,
     Handle,
     LoadRecord,
-    SpringRecord,
     TorqueRecord,
-    TorsionSpringRecord,
 )
 
 FloatArray = NDArray[np.float64]
@@ -157,14 +155,13 @@ def _label(joint: Mapping[str, Any], i: int) -> str:
 
 def _force(name: str, record: Any, part: str, d: Description) -> Actuator:
     match record:
-        case TorqueRecord() | TorsionSpringRecord() if not part:
+        case TorqueRecord() if not part:
             along = {"of": "joint", "joint": record.joint, "coordinate": record.coordinate}
-            given = (record.name, None) if isinstance(record, TorqueRecord) else None
             ball = record.coordinate >= scalars(d.joints[record.joint])
-            return Actuator(name, [along], _effort(along, d), rate=ball, silent=given)
-        case SpringRecord() if not part:
-            ends = {"point1": record.point1.tolist(), "point2": record.point2.tolist()}
-            along = {"of": "distance", "body1": record.body1, "body2": record.body2, **ends}
+            return Actuator(name, [along], _effort(along, d), rate=ball, silent=(record.name, None))
+        case LoadRecord(kind="spring") if not part:
+            ends = {"point1": record["point1"].tolist(), "point2": record["point2"].tolist()}
+            along = {"of": "distance", "body1": record["body1"], "body2": record["body2"], **ends}
             return Actuator(name, [along], "N")
         case ForceRecord() if part:
             i = _AXES.index(part)
@@ -177,8 +174,8 @@ def _force(name: str, record: Any, part: str, d: Description) -> Actuator:
             return Actuator(name, axes, "N", axis=(record.body, unit[i]), silent=silent)
         case ForceRecord():
             raise _none(name, f"the force has three components; name one of them: {name}.x, {name}.y, {name}.z")
-        case LoadRecord() if not part and record.kind == "gas_spring":
-            along = {"of": "joint", "joint": record.means["joint"], "coordinate": record.means["coordinate"]}
+        case LoadRecord(kind="gas_spring" | "torsion_spring") if not part:
+            along = {"of": "joint", "joint": record["joint"], "coordinate": record["coordinate"]}
             return Actuator(name, [along], _effort(along, d))
     raise _none(
         name,

@@ -16,7 +16,6 @@ from . import forces as force_room
 from . import laws as law_room
 from . import loads as load_room
 from . import primitives as primitive_room
-from . import ropes as rope_room
 from . import rotors as rotor_room
 from . import sensors as sensor_room
 from .elements import Elements
@@ -26,9 +25,10 @@ from .joints import NamedJoints
 from .records import Body, Coupling, Drive, Force, Handle, Joint, Rotor
 from .sensors import Sensor
 from .spec import Writer
+from .two_point import TwoPointLoads
 
 
-class Builder(NamedJoints, JointLoads):
+class Builder(NamedJoints, JointLoads, TwoPointLoads):
     """All `add_...` methods."""
 
     add_body = body_room.add_body
@@ -56,14 +56,11 @@ class Builder(NamedJoints, JointLoads):
     add_rotor = rotor_room.add_rotor
     add_compliance = compliance_room.add_compliance
     add_drive = drive_room.add_drive
-    add_spring = force_room.add_spring
-    add_torsion_spring = force_room.add_torsion_spring
     add_torque = force_room.add_torque
     add_force = force_room.add_force
     add_bushing = load_room.add_bushing
     add_contact = contact_room.add_contact
     add_tyre = contact_room.add_tyre
-    add_rope = rope_room.add_rope
     add_force_law = law_room.add_force_law
 
     add_sensor = sensor_room.add_sensor

@@ -30,9 +30,7 @@ from .records import (
     LoadRecord,
     Ref,
     RotorRecord,
-    SpringRecord,
     TorqueRecord,
-    TorsionSpringRecord,
 )
 from .sampled import JoinedTable, SampledTable
 from .sensors import Expression, Sensor
@@ -65,12 +63,6 @@ def call_of(record: Any) -> Call:
             return "add_drive", _drive(record)
         case RotorRecord():
             return "add_rotor", {word: getattr(record, word) for word in ("joint", "inertia", "ratio", "coordinate")}
-        case SpringRecord():
-            words: tuple[str, ...] = ("body1", "point1", "body2", "point2", "stiffness", "damping", "length")
-            return "add_spring", {word: getattr(record, word) for word in words}
-        case TorsionSpringRecord():
-            words = ("joint", "coordinate", "stiffness", "damping", "angle")
-            return "add_torsion_spring", {word: getattr(record, word) for word in words}
         case TorqueRecord():
             words = ("joint", "coordinate", "over", "periodic", "interpolation")
             value = _given(record.value, record.interpolation)

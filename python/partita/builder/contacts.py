@@ -9,15 +9,48 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from ..units import Quantity
-from .bodies import resolve
-from .checks import direction, name_of, number
+from .declaration import BETWEEN, Load, amount, heading, place, side
 from .drawing import Drawing
-from .forces import store
 from .joint_loads import per_power
-from .points import point_on
-from .records import GROUND, Body, Force, LoadRecord
+from .records import GROUND, Body, Force
+
+CONTACT = Load(
+    "contact",
+    **BETWEEN,
+    radius1=amount("m", least=0.0),
+    normal=heading(),
+    radius2=amount("m", above=0.0),
+    stiffness=amount(lambda call: per_power("N", "m", call["exponent"]), least=0.0),
+    exponent=amount(least=1.0, kept=True),
+    damping=amount("s/m", least=0.0),
+    friction=amount(least=0.0),
+    static_friction=amount(least=0.0, absent=lambda call: call["friction"]),
+    stick_velocity=amount("m/s", above=0.0, absent=1.0, kept=True),
+    lost="its bodies pass through each other",
+    apart="both sides are on {}, which cannot touch itself",
+)
+TYRE = Load(
+    "tyre",
+    body=side(ground=False),
+    center=place("body"),
+    axis=heading(),
+    radius=amount("m", above=0.0),
+    ground=side(),
+    point=place("ground", kept=True),
+    normal=heading(),
+    stiffness=amount("N/m", least=0.0),
+    damping=amount("s/m", least=0.0),
+    friction=amount(least=0.0),
+    longitudinal=amount("N", least=0.0),
+    lateral=amount("N", least=0.0),
+    slow_speed=amount("m/s", above=0.0, absent=1.0, kept=True),
+    lost="the wheel does not touch the road",
+    sides=("body", "ground"),
+    apart="wheel and road are on {}",
+)
 
 
+@CONTACT
 def add_contact(
     self: Drawing,
     name: str,
@@ -69,46 +102,15 @@ def add_contact(
     >>> bool(run.body("ball").velocity[-1, 1] > 2.5)   # it came down and goes up again
     True
     """
-    element = name_of("force", name, self._description.forces)
-    first, second = resolve(self, element, "body1", body1), resolve(self, element, "body2", body2)
-    if first == second:
-        element.fail(f'both sides are on "{first}", which cannot touch itself; name two different bodies')
+    call = CONTACT.checked(locals())
     if (normal is None) == (radius2 is None):
-        element.fail("the other side is a plane (normal) or a sphere (radius2); give one of the two")
-    slides = number(element, "friction", friction, least=0.0)
-    held = slides if static_friction is None else number(element, "static_friction", static_friction, least=0.0)
-    if stick_velocity is None and (slides or held):
-        element.fail("friction needs a stick_velocity: the sliding speed [m/s] below which it counts as sticking")
-    power = number(element, "exponent", exponent, least=1.0)
-    units = {"stiffness": per_power("N", "m", power), "damping": "s/m", "stick_velocity": "m/s"}
-    units |= {"radius1": "m", "radius2": "m"}
-    means = {
-        "body1": first,
-        "point1": point_on(self, element, "point1", point1, first),
-        "body2": second,
-        "point2": point_on(self, element, "point2", point2, second),
-        "radius1": number(element, "radius1", radius1, "m", least=0.0),
-        "normal": None if normal is None else direction(element, "normal", normal),
-        "radius2": None if radius2 is None else number(element, "radius2", radius2, "m", above=0.0),
-        "stiffness": number(element, "stiffness", stiffness, units["stiffness"], least=0.0),
-        "exponent": power,
-        "damping": number(element, "damping", damping, "s/m", least=0.0),
-        "friction": slides,
-        "static_friction": held,
-        "stick_velocity": 1.0
-        if stick_velocity is None
-        else number(element, "stick_velocity", stick_velocity, "m/s", above=0.0),
-    }
-    arguments = {
-        **means,
-        "damping": means["damping"] or None,
-        "friction": slides or None,
-        "static_friction": None if held == slides else held,
-        "stick_velocity": None if stick_velocity is None else means["stick_velocity"],
-    }
-    return store(self, LoadRecord(name, "contact", arguments, means, units))
+        call.element.fail("the other side is a plane (normal) or a sphere (radius2); give one of the two")
+    if stick_velocity is None and (call["friction"] or call["static_friction"]):
+        call.element.fail("friction needs a stick_velocity: the sliding speed [m/s] below which it counts as sticking")
+    return call.store()
 
 
+@TYRE
 def add_tyre(
     self: Drawing,
     name: str,
@@ -157,41 +159,14 @@ def add_tyre(
     >>> m.add_tyre("T", wheel, center=(0, 0, 0), axis=(0, 0, 1), radius=0.3, normal=(0, 1, 0), stiffness=2e5).name
     'T'
     """
-    element = name_of("force", name, self._description.forces)
-    wheel, road = resolve(self, element, "body", body, ground=False), resolve(self, element, "ground", ground)
-    if wheel == road:
-        element.fail(f'wheel and road are on "{wheel}"; name two different bodies')
-    coefficients = {
-        "friction": number(element, "friction", friction, least=0.0),
-        "longitudinal": number(element, "longitudinal", longitudinal, "N", least=0.0),
-        "lateral": number(element, "lateral", lateral, "N", least=0.0),
-    }
-    stiff = coefficients["longitudinal"] > 0.0 or coefficients["lateral"] > 0.0
-    if stiff and coefficients["friction"] == 0.0:
-        element.fail("slip stiffness without friction has no effect; give the friction that limits the force")
-    if coefficients["friction"] > 0.0 and not stiff:
-        element.fail("friction limits a slip force, and there is none; give longitudinal or lateral slip stiffness")
+    call = TYRE.checked(locals())
+    stiff = call["longitudinal"] > 0.0 or call["lateral"] > 0.0
+    if stiff and call["friction"] == 0.0:
+        call.element.fail("slip stiffness without friction has no effect; give the friction that limits the force")
+    if call["friction"] > 0.0 and not stiff:
+        call.element.fail(
+            "friction limits a slip force, and there is none; give longitudinal or lateral slip stiffness"
+        )
     if stiff and slow_speed is None:
-        element.fail("slip needs a slow_speed: the speed [m/s] below which the slip is computed as at this speed")
-    where = {
-        "body": wheel,
-        "center": point_on(self, element, "center", center, wheel),
-        "axis": direction(element, "axis", axis),
-        "radius": number(element, "radius", radius, "m", above=0.0),
-        "ground": road,
-        "point": point_on(self, element, "point", point, road),
-        "normal": direction(element, "normal", normal),
-        "stiffness": number(element, "stiffness", stiffness, "N/m", least=0.0),
-        "damping": number(element, "damping", damping, "s/m", least=0.0),
-    }
-    slow = 1.0 if slow_speed is None else number(element, "slow_speed", slow_speed, "m/s", above=0.0)
-    arguments = {
-        **where,
-        "ground": None if road == GROUND else road,
-        "damping": where["damping"] or None,
-        **{word: value or None for word, value in coefficients.items()},
-        "slow_speed": None if slow_speed is None else slow,
-    }
-    units = {"stiffness": "N/m", "damping": "s/m", "longitudinal": "N", "lateral": "N", "slow_speed": "m/s"}
-    means = {**where, **coefficients, "slow_speed": slow}
-    return store(self, LoadRecord(name, "tyre", arguments, means, {**units, "radius": "m", "center": "m"}))
+        call.element.fail("slip needs a slow_speed: the speed [m/s] below which the slip is computed as at this speed")
+    return call.store()

@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..products import norm
 from ..tolerance import EQUAL
 from ..units import Quantity
 from . import callbacks
-from .bodies import resolve, to_world
+from .bodies import resolve
 from .checks import Element, choice, name_of, number, switch
 from .drawing import Drawing
-from .joints import coordinate_of, effort_of, joint_record, scalars, speeds, unit_of
+from .joints import coordinate_of, effort_of, joint_record, speeds
 from .measures import measure, measured_in
 from .name_first import name_first
 from .points import point_on
@@ -32,9 +31,7 @@ from .records import (
     ForceLike,
     ForceRecord,
     Joint,
-    SpringRecord,
     TorqueRecord,
-    TorsionSpringRecord,
 )
 from .values import Table, scalar
 from .vectors import components
@@ -48,115 +45,6 @@ def coefficient(element: Element, what: str, value: Any, unit: str) -> float:
             "the rate is add_force_law(name, f, sees, on), along a joint add_torque(joint, (x, effort), over=joint)"
         )
     return number(element, what, value, unit)
-
-
-def both_ends(
-    self: Drawing, element: Element, kind: str, one: tuple[Any, ArrayLike], two: tuple[Any, ArrayLike]
-) -> tuple[tuple[str, Any], tuple[str, Any], float]:
-    """Body and point of both ends, and their distance as drawn."""
-    first, second = resolve(self, element, "body1", one[0]), resolve(self, element, "body2", two[0])
-    if first == second:
-        element.fail(f'both ends are on "{first}", where the {kind} has no effect; name two different bodies')
-    end1, end2 = (
-        point_on(self, element, what, point, body)
-        for what, point, body in (("point1", one[1], first), ("point2", two[1], second))
-    )
-    d = self._description
-    return (first, end1), (second, end2), float(norm(to_world(d, second, end2) - to_world(d, first, end1)))
-
-
-def add_spring(
-    self: Drawing,
-    name: str,
-    body1: Body | str,
-    point1: ArrayLike,
-    body2: Body | str,
-    point2: ArrayLike,
-    *,
-    stiffness: Quantity,
-    damping: Quantity = 0.0,
-    length: Quantity | None = None,
-) -> Force:
-    """Add a linear spring and damper between two points. For other laws of the length see `add_force_law`.
-
-    The force along the line is stiffness (distance - length) + damping d(distance)/dt, positive in tension. Negative
-    stiffness or damping is allowed, as for some controllers and magnets.
-
-    Args:
-        name: unique among the forces.
-        body1, body2: two different bodies or the ground.
-        point1, point2: in the axes of their body (world for the ground) [m].
-        stiffness: [N/m].
-        damping: [N s/m].
-        length: free length [m], not negative; None: the drawn distance, so that the spring is unloaded as drawn.
-
-    >>> import partita as pt
-    >>> m = pt.Mechanism("swing")
-    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
-    >>> m.add_spring("S", m.ground, (0, 1, 0), rod, (1, 0, 0), stiffness=100.0).name
-    'S'
-    """
-    element = name_of("force", name, self._description.forces)
-    (first, end1), (second, end2), drawn = both_ends(self, element, "spring", (body1, point1), (body2, point2))
-    if drawn == 0.0:
-        element.fail(
-            "both ends are at the same point as drawn, where the direction of the force is undefined; move one end"
-        )
-    record = SpringRecord(
-        name=name,
-        body1=first,
-        point1=end1,
-        body2=second,
-        point2=end2,
-        stiffness=coefficient(element, "stiffness", stiffness, "N/m"),
-        damping=coefficient(element, "damping", damping, "N s/m"),
-        length=None if length is None else number(element, "length", length, "m", least=0.0),
-    )
-    return store(self, record)
-
-
-@name_first(1)
-def add_torsion_spring(
-    self: Drawing,
-    joint: Joint | str,
-    *,
-    stiffness: Quantity,
-    damping: Quantity = 0.0,
-    angle: Quantity = 0.0,
-    coordinate: int = 0,
-    name: str | None = None,
-) -> Force:
-    """Add a spring and damper along one coordinate of a joint: -stiffness (x - angle) - damping x' acts on
-    the child.
-
-    Args:
-        joint: the joint or its name; its coordinate must not be part of a quaternion.
-        stiffness: [N m/rad] for a rotation, [N/m] for a translation.
-        damping: [N m s/rad] or [N s/m].
-        angle: coordinate at which the spring is at rest [rad] or [m]; 0: the drawn position.
-        coordinate: which coordinate of the joint, from 0.
-        name: None: made from the joint's name.
-
-    >>> import partita as pt
-    >>> m = pt.Mechanism("flap")
-    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
-    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
-    >>> m.add_torsion_spring(hinge, stiffness=5.0).name
-    'spring of A'
-    """
-    element = named(self, name, "spring of", joint)
-    found = joint_record(self, element, joint)
-    which = coordinate_of(element, found, coordinate, scalars(found))
-    unit, effort = unit_of(found, which), effort_of(found, which)
-    record = TorsionSpringRecord(
-        name=element.name,
-        joint=found.name,
-        coordinate=which,
-        stiffness=coefficient(element, "stiffness", stiffness, f"{effort}/{unit}"),
-        damping=coefficient(element, "damping", damping, f"{effort} s/{unit}"),
-        angle=number(element, "angle", angle, unit),
-    )
-    return store(self, record)
 
 
 @name_first(1)

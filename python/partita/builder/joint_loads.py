@@ -1,4 +1,4 @@
-"""Loads along a coordinate of a joint: friction, end stops, gas springs.
+"""Loads along a coordinate of a joint: springs, friction, end stops, gas springs.
 
 They follow smooth laws: friction is a steep function of the speed instead of a jump, the force of a stop a function of
 the depth. Both make the equations stiffer: the smaller the stick velocity and the stiffer the stop, the shorter the
@@ -8,6 +8,7 @@ steps of a run.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -15,15 +16,104 @@ from numpy.typing import ArrayLike
 
 from ..units import Quantity
 from . import callbacks
-from .checks import Element, number
+from .checks import number
+from .declaration import JOINT, Call, Field, Load, amount, effort, rate, unit
 from .drawing import Drawing
-from .forces import named, store
-from .joints import coordinate_of, effort_of, joint_record, scalars, unit_of
 from .name_first import name_first
-from .records import Force, Joint, LoadRecord
+from .records import Force, Joint
 from .values import Constant, Value, scalar
 
+TORSION_SPRING = Load(
+    "torsion_spring",
+    **JOINT,
+    stiffness=rate(lambda call: f"{effort(call)}/{unit(call)}"),
+    damping=rate(lambda call: f"{effort(call)} s/{unit(call)}"),
+    angle=amount(unit),
+    called="spring of",
+)
+_OF_COEFFICIENTS = ("coefficient", "static_coefficient", "radius", "length", "collar")
 
+
+def _magnitude(call: Call, what: str, value: Any, unit: str) -> Value:
+    """A friction magnitude, which is checked to be not negative where it is a constant."""
+    magnitude = scalar(call.element, what, value, "monotone", callbacks.number_of(call.element), ("s", unit))
+    if isinstance(magnitude, Constant):
+        number(call.element, what, magnitude.value, least=0.0)
+    return magnitude
+
+
+_MAGNITUDE = Field(_magnitude, {"$ref": "#/$defs/value"}, effort)
+_COEFFICIENT = replace(amount(least=0.0), rule={"$ref": "#/$defs/quantity"})
+FRICTION = Load(
+    "friction",
+    **JOINT,
+    dynamic=_MAGNITUDE,
+    static=_MAGNITUDE,
+    stick_velocity=amount(lambda call: f"{unit(call)}/s", above=0.0),
+    coefficient=_COEFFICIENT,
+    static_coefficient=_COEFFICIENT,
+    radius=amount("m", above=0.0),
+    length=amount("m", above=0.0),
+    collar=amount("m", least=0.0),
+    preload=amount("N", least=0.0),
+    called="friction in",
+)
+STOP = Load(
+    "stop",
+    **JOINT,
+    lower=amount(unit),
+    upper=amount(unit),
+    stiffness=amount(lambda call: per_power(effort(call), unit(call), call["exponent"]), least=0.0),
+    damping=amount(lambda call: f"s/{unit(call)}", least=0.0),
+    exponent=amount(least=1.0),
+    lost="the motion has no end there",
+    called="stop of",
+)
+GAS_SPRING = Load(
+    "gas_spring",
+    **JOINT,
+    force=amount(effort),
+    length=amount(unit, above=0.0),
+    exponent=amount(above=1.0),
+    lost="it no longer acts",
+    called="gas spring of",
+)
+
+
+@TORSION_SPRING
+@name_first(1)
+def add_torsion_spring(
+    self: Drawing,
+    joint: Joint | str,
+    *,
+    stiffness: Quantity,
+    damping: Quantity = 0.0,
+    angle: Quantity = 0.0,
+    coordinate: int = 0,
+    name: str | None = None,
+) -> Force:
+    """Add a spring and damper along one coordinate of a joint: -stiffness (x - angle) - damping x' acts on
+    the child.
+
+    Args:
+        joint: the joint or its name; its coordinate must not be part of a quaternion.
+        stiffness: [N m/rad] for a rotation, [N/m] for a translation.
+        damping: [N m s/rad] or [N s/m].
+        angle: coordinate at which the spring is at rest [rad] or [m]; 0: the drawn position.
+        coordinate: which coordinate of the joint, from 0.
+        name: None: made from the joint's name.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("flap")
+    >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    >>> m.add_torsion_spring(hinge, stiffness=5.0).name
+    'spring of A'
+    """
+    return TORSION_SPRING.checked(locals()).store()
+
+
+@FRICTION
 @name_first(1)
 def add_friction(
     self: Drawing,
@@ -109,64 +199,25 @@ def add_friction(
     >>> round(run.joint("S").velocity[-1].item(), 3)   # 1 + 4.905 - 0.3 * 8.4957
     3.356
     """
-    element = named(self, name, "friction in", joint)
-    found = joint_record(self, element, joint)
-    where = coordinate_of(element, found, coordinate, scalars(found))
-    effort = effort_of(found, where)
-    speed = f"{unit_of(found, where)}/s"
-    stick = number(element, "stick_velocity", stick_velocity, speed, above=0.0)
-    units = {"dynamic": effort, "static": effort, "stick_velocity": speed, "preload": "N"}
-    units |= dict.fromkeys(("radius", "length", "collar"), "m")
-    given = {
-        "coefficient": coefficient,
-        "static_coefficient": static_coefficient,
-        "radius": radius,
-        "length": length,
-        "collar": collar,
-    }
-    pressed = number(element, "preload", preload, "N", least=0.0)
+    call = FRICTION.checked(locals())
+    given = {what: call[what] for what in _OF_COEFFICIENTS if call[what] is not None}
     if coefficient is not None:
         if dynamic is not None or static is not None:
-            element.fail(
+            call.element.fail(
                 "magnitudes (dynamic, static) and a coefficient exclude one another; give magnitudes, or a "
                 "coefficient, which multiplies the reaction of the joint"
             )
-        above = ("radius", "length")
-        follows = {
-            what: number(
-                element,
-                what,
-                value,
-                "" if what.endswith("coefficient") else "m",
-                **({"above": 0.0} if what in above else {"least": 0.0}),
-            )
-            for what, value in given.items()
-            if value is not None
-        }
-        follows["preload"] = pressed
-        arguments: dict[str, Any] = {
-            "joint": found.name,
-            "coordinate": where or None,
-            "stick_velocity": stick,
-            **follows,
-        }
-        arguments["preload"] = pressed or None
-        means = {"joint": found.name, "coordinate": where, "stick_velocity": stick, "follows": follows}
-        return store(self, LoadRecord(element.name, "friction", arguments, means, units))
+        follows = {**given, "preload": call["preload"]}
+        return call.store(**call.take("joint", "coordinate", "stick_velocity"), follows=follows)
     if dynamic is None:
-        element.fail("give its magnitude (dynamic), or a coefficient that multiplies the reaction of the joint")
-    idle = [what for what, value in given.items() if value is not None] + (["preload"] if pressed else [])
+        call.element.fail("give its magnitude (dynamic), or a coefficient that multiplies the reaction of the joint")
+    idle = [*given, *(["preload"] if call["preload"] else [])]
     if idle:
-        element.fail(f"{', '.join(idle)} needs a coefficient; give one instead of dynamic")
-    magnitudes = {
-        "dynamic": _magnitude(element, "dynamic", dynamic, effort),
-        "static": None if static is None else _magnitude(element, "static", static, effort),
-        "stick_velocity": stick,
-    }
-    arguments = {"joint": found.name, "coordinate": where or None, **magnitudes}
-    return store(self, LoadRecord(element.name, "friction", arguments, {**arguments, "coordinate": where}, units))
+        call.element.fail(f"{', '.join(idle)} needs a coefficient; give one instead of dynamic")
+    return call.store(**call.take("joint", "coordinate", "dynamic", "static", "stick_velocity"))
 
 
+@STOP
 @name_first(1)
 def add_stop(
     self: Drawing,
@@ -180,7 +231,7 @@ def add_stop(
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
-    """Add end stops to one coordinate of a joint: springs that act only beyond its limits.
+    """Add end stops along one coordinate of a joint: springs that act only beyond its limits.
 
     Beyond a limit by the depth d the joint is pushed back with stiffness d^exponent (1 + damping dd/dt), never pulled
     (Hunt and Crossley, J. Appl. Mech. 42, 1975): no jump at the first touch. For exponent 1 a damper of c [N s/m] at
@@ -204,30 +255,16 @@ def add_stop(
     >>> m.add_stop(hinge, lower=-1.5, upper=1.5, stiffness=1e4, damping=0.5).name
     'stop of A'
     """
-    element = named(self, name, "stop of", joint)
-    found = joint_record(self, element, joint)
-    where = coordinate_of(element, found, coordinate, scalars(found))
-    unit = unit_of(found, where)
-    low = None if lower is None else number(element, "lower", lower, unit)
-    high = None if upper is None else number(element, "upper", upper, unit)
+    call = STOP.checked(locals())
+    low, high = call["lower"], call["upper"]
     if low is None and high is None:
-        element.fail("it has neither a lower nor an upper end; give one or both")
+        call.element.fail("it has neither a lower nor an upper end; give one or both")
     if low is not None and high is not None and low >= high:
-        element.fail(f"lower = {low:g} is not below upper = {high:g}")
-    power = number(element, "exponent", exponent, least=1.0)
-    units = {"stiffness": per_power(effort_of(found, where), unit, power), "damping": f"s/{unit}"}
-    law = {
-        "stiffness": number(element, "stiffness", stiffness, units["stiffness"], least=0.0),
-        "damping": number(element, "damping", damping, units["damping"], least=0.0),
-        "exponent": power,
-    }
-    ends = {"joint": found.name, "coordinate": where, "lower": low, "upper": high}
-    arguments = {**ends, "coordinate": where or None, **law, "damping": law["damping"] or None}
-    arguments["exponent"] = None if law["exponent"] == 1.0 else law["exponent"]
-    units |= {"lower": unit, "upper": unit}
-    return store(self, LoadRecord(element.name, "stop", arguments, {**ends, **law}, units))
+        call.element.fail(f"lower = {low:g} is not below upper = {high:g}")
+    return call.store()
 
 
+@GAS_SPRING
 @name_first(1)
 def add_gas_spring(
     self: Drawing,
@@ -239,7 +276,7 @@ def add_gas_spring(
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
-    """Add a gas spring to one coordinate of a joint: a closed column of gas that pushes the two sides apart.
+    """Add a gas spring along one coordinate of a joint: a closed column of gas that pushes the two sides apart.
 
     With x the coordinate from its drawn position the effort on the child is force / (1 + x / length)^exponent: the
     column is `length` long as drawn and grows with x. A negative force pushes the coordinate back, and the column gets
@@ -263,20 +300,10 @@ def add_gas_spring(
     >>> m.add_gas_spring(slide, force=400.0, length=0.3).name
     'gas spring of S'
     """
-    element = named(self, name, "gas spring of", joint)
-    found = joint_record(self, element, joint)
-    where = coordinate_of(element, found, coordinate, scalars(found))
-    units = {"force": effort_of(found, where), "length": unit_of(found, where)}
-    law = {
-        "force": number(element, "force", force, units["force"]),
-        "length": number(element, "length", length, units["length"], above=0.0),
-        "exponent": number(element, "exponent", exponent, above=1.0),
-    }
-    if law["force"] == 0.0:
-        element.fail("its force is 0, so it never acts; give the force in the zero position")
-    means = {"joint": found.name, "coordinate": where, **law}
-    arguments = {**means, "coordinate": where or None, "exponent": None if law["exponent"] == 1.3 else law["exponent"]}
-    return store(self, LoadRecord(element.name, "gas_spring", arguments, means, units))
+    call = GAS_SPRING.checked(locals())
+    if call["force"] == 0.0:
+        call.element.fail("its force is 0, so it never acts; give the force in the zero position")
+    return call.store()
 
 
 def per_power(effort: str, unit: str, power: float) -> str:
@@ -287,17 +314,10 @@ def per_power(effort: str, unit: str, power: float) -> str:
     return f"{effort}/{unit}^({Fraction(power).limit_denominator(100)})"
 
 
-def _magnitude(element: Element, what: str, value: Any, effort: str) -> Value:
-    """A friction magnitude, which is checked to be not negative where it is a constant."""
-    magnitude = scalar(element, what, value, "monotone", callbacks.number_of(element), ("s", effort))
-    if isinstance(magnitude, Constant):
-        number(element, what, magnitude.value, least=0.0)
-    return magnitude
-
-
 class JointLoads(Drawing):
     """The methods of this module."""
 
+    add_torsion_spring = add_torsion_spring
     add_friction = add_friction
     add_stop = add_stop
     add_gas_spring = add_gas_spring

@@ -10,14 +10,51 @@ from numpy.typing import ArrayLike
 from ..products import matmul
 from ..tolerance import SUM_ROUNDING
 from . import frames
-from .bodies import resolve, to_world
-from .checks import Array, Element, matrix, name_of, shape_of, vector
+from .bodies import to_world
+from .checks import Array, matrix, shape_of, vector
+from .declaration import Call, Field, Load, side
 from .drawing import Drawing
-from .forces import store
 from .points import point_in_world
-from .records import GROUND, Body, Description, Force, LoadRecord
+from .records import GROUND, Body, Description, Force
 
 
+def _six(call: Call, what: str, value: Any, units: list[str]) -> Array:
+    """A 6x6 matrix, or six numbers where only its diagonal is not zero."""
+    element = call.element
+    if shape_of(value) == (6,):
+        return vector(element, what, value, units[::7], 6)
+    if shape_of(value) != (6, 6):
+        element.fail(f"{what} must be six numbers or a 6x6 matrix, not of shape {shape_of(value)}")
+    full = matrix(element, what, value, [units[i : i + 6] for i in range(0, 36, 6)], 6)
+    if np.array_equal(full, np.diag(np.diag(full))):
+        return np.diag(full)
+    # symmetric up to the round-off of a product: as intended
+    intended = np.allclose(full, full.T, rtol=0.0, atol=SUM_ROUNDING * float(np.max(np.abs(full))))
+    return 0.5 * (full + full.T) if intended else full
+
+
+_SIX: dict[str, Any] = {"check": _six, "rule": {"$ref": "#/$defs/stiffness"}}
+BUSHING = Load(
+    "bushing",
+    body1=side(),
+    body2=side(),
+    point=Field(
+        lambda call, what, value, _: point_in_world(call.drawing, call.element, what, value),
+        {"$ref": "#/$defs/vector"},
+    ),
+    frame=Field(
+        lambda call, what, value, _: frames.rotation(call.element, what, value),
+        {"$ref": "#/$defs/rotation"},
+        absent=np.eye(3),
+    ),
+    stiffness=Field(**_SIX, unit=[f"{a}{b}" for a in EFFORTS for b in ("/m", "/rad") for _ in range(3)]),
+    damping=Field(**_SIX, unit=[f"{a} s{b}" for a in EFFORTS for b in ("/m", "/rad") for _ in range(3)]),
+    lost="nothing holds its bodies together",
+    apart="both sides are on {}, where it has no effect",
+)
+
+
+@BUSHING
 def add_bushing(
     self: Drawing,
     name: str,
@@ -51,42 +88,19 @@ def add_bushing(
     >>> m.add_bushing("B", m.ground, engine, (0, 0, 0), stiffness=(2e5, 2e5, 4e5, 5e3, 5e3, 5e3)).name
     'B'
     """
-    element = name_of("force", name, self._description.forces)
-    first, second = _two(self, element, body1, body2)
-    where = point_in_world(self, element, "point", point)
-    axes = frames.rotation(element, "frame", frame)
-    law = {
-        "stiffness": _six(element, "stiffness", stiffness, STIFFNESS),
-        "damping": _six(element, "damping", damping, DAMPING),
-    }
-    d = self._description
-    means = {
-        "body1": first,
-        "point1": to_body(d, first, where),
-        "frame1": matmul(_axes(d, first).T, axes),
-        "body2": second,
-        "point2": to_body(d, second, where),
-        "frame2": matmul(_axes(d, second).T, axes),
-        **law,
-    }
-    arguments = {
-        "body1": first,
-        "body2": second,
-        "point": where,
-        "frame": None if np.array_equal(axes, np.eye(3)) else axes,
-        "stiffness": _short(law["stiffness"]),
-        "damping": _short(law["damping"]) if np.any(law["damping"]) else None,
-    }
-    units = {"stiffness": [x for row in STIFFNESS for x in row], "damping": [x for row in DAMPING for x in row]}
-    return store(self, LoadRecord(name, "bushing", arguments, means, units))
-
-
-def _two(mechanism: Drawing, element: Element, body1: Body | str, body2: Body | str) -> tuple[str, str]:
-    """Names of two different bodies."""
-    first, second = resolve(mechanism, element, "body1", body1), resolve(mechanism, element, "body2", body2)
-    if first == second:
-        element.fail(f'both sides are on "{first}", where it has no effect; name two different bodies')
-    return first, second
+    call, d = BUSHING.checked(locals()), self._description
+    axes = np.eye(3) if frame is None else call["frame"]
+    first, second = call["body1"], call["body2"]
+    return call.store(
+        body1=first,
+        point1=to_body(d, first, call["point"]),
+        frame1=matmul(_axes(d, first).T, axes),
+        body2=second,
+        point2=to_body(d, second, call["point"]),
+        frame2=matmul(_axes(d, second).T, axes),
+        stiffness=_full(call["stiffness"]),
+        damping=_full(call["damping"]),
+    )
 
 
 def _axes(description: Description, body: str) -> Array:
@@ -103,23 +117,6 @@ def to_body(description: Description, body: str, point: Array) -> Array:
     )
 
 
-def _six(element: Element, what: str, value: Any, units: list[list[str]]) -> Array:
-    """A 6x6 matrix, or six numbers on its diagonal."""
-    if shape_of(value) == (6,):
-        return np.diag(vector(element, what, value, [units[i][i] for i in range(6)], 6))
-    if shape_of(value) != (6, 6):
-        element.fail(f"{what} must be six numbers or a 6x6 matrix, not of shape {shape_of(value)}")
-    full = matrix(element, what, value, units, 6)
-    # symmetric up to the round-off of a product: as intended
-    intended = np.allclose(full, full.T, rtol=0.0, atol=SUM_ROUNDING * float(np.max(np.abs(full))))
-    return 0.5 * (full + full.T) if intended else full
-
-
-STIFFNESS = [[f"{a}{b}" for b in ["/m"] * 3 + ["/rad"] * 3] for a in ["N"] * 3 + ["N m"] * 3]
-DAMPING = [[f"{a} s{b}" for b in ["/m"] * 3 + ["/rad"] * 3] for a in ["N"] * 3 + ["N m"] * 3]
-
-
-def _short(value: Array) -> Array:
-    """Six numbers if only the diagonal is nonzero."""
-    diagonal = np.diag(value)
-    return diagonal if np.array_equal(value, np.diag(diagonal)) else value
+def _full(value: Array) -> Array:
+    """The matrix of six numbers on its diagonal."""
+    return np.diag(value) if value.ndim == 1 else value

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..units.door import SI
 from .couplings import factor_units
-from .joints import effort_of, unit_of
+from .joints import effort_of
 from .measures import measure_unit
-from .records import CouplingRecord, Description, LoadRecord, SpringRecord, TorqueRecord, TorsionSpringRecord
+from .records import CouplingRecord, Description, LoadRecord, TorqueRecord
 from .rotors import rotor_units
 
 _OF_BODIES = {"mass": "kg", "com": "m", "inertia": "kg m^2"}
@@ -27,12 +27,8 @@ def parameter_unit(d: Description, name: str) -> SI:
         units = rotor_units(d, d.rotors[owner].joint, d.rotors[owner].coordinate)
         return units.get(word, "")
     match d.forces.get(owner):
-        case SpringRecord():
-            return {"stiffness": "N/m", "damping": "N s/m", "length": "m"}.get(word, "")
-        case TorsionSpringRecord(joint=joint, coordinate=i) | TorqueRecord(joint=joint, coordinate=i):
-            unit, effort = unit_of(d.joints[joint], i), effort_of(d.joints[joint], i)
-            own = {"stiffness": f"{effort}/{unit}", "damping": f"{effort} s/{unit}", "angle": unit, "value": effort}
-            return own.get(word, "")
+        case TorqueRecord(joint=joint, coordinate=i):
+            return effort_of(d.joints[joint], i) if word == "value" else ""
         case LoadRecord() as load:
             return load.units.get(word, "")
         case None:

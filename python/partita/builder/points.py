@@ -12,7 +12,7 @@ from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .bodies import to_world
 from .checks import Array, Element, vector
 from .drawing import Drawing
-from .records import GROUND, BodyRecord, Description, ForceRecord, LoadRecord, Point, SpringRecord
+from .records import GROUND, BodyRecord, Description, ForceRecord, LoadRecord, Point
 
 OUTSIDE = 0.25
 """A point farther from its body lies outside of it. Scale: fraction of the body's extent. Reason: pins stand out by
@@ -121,10 +121,7 @@ def _away(point: Array, low: Array, high: Array) -> float:
 def _given(d: Description) -> Iterator[_Given]:
     """All points in body axes."""
     for force in d.forces.values():
-        if isinstance(force, SpringRecord):
-            yield _Given("force", force.name, "point1", force.body1, force.point1)
-            yield _Given("force", force.name, "point2", force.body2, force.point2)
-        elif isinstance(force, ForceRecord) and not force.at_center:
+        if isinstance(force, ForceRecord) and not force.at_center:
             yield _Given("force", force.name, "point", force.body, force.point)
         elif isinstance(force, LoadRecord) and force.kind != "bushing":  # drawn in the world
             yield from _pairs("force", force.name, force.means)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -238,32 +238,6 @@ class RotorRecord:
 
 
 @dataclass(frozen=True)
-class SpringRecord:
-    """Spring and damper between two points; `length` None means as drawn."""
-
-    name: str
-    body1: str
-    point1: Array
-    body2: str
-    point2: Array
-    stiffness: float
-    damping: float
-    length: float | None
-
-
-@dataclass(frozen=True)
-class TorsionSpringRecord:
-    """Spring and damper along one joint coordinate, at rest at `angle`."""
-
-    name: str
-    joint: str
-    coordinate: int
-    stiffness: float
-    damping: float
-    angle: float
-
-
-@dataclass(frozen=True)
 class TorqueRecord:
     """Effort along one joint coordinate; with `over`, a table over that measure instead of time."""
 
@@ -308,8 +282,11 @@ class LoadRecord:
     means: Mapping[str, Any]
     units: Mapping[str, SI] = field(default_factory=dict)
 
+    def __getitem__(self, word: str) -> Any:
+        return self.means[word]
 
-ForceLike = SpringRecord | TorsionSpringRecord | TorqueRecord | ForceRecord | LoadRecord
+
+ForceLike = TorqueRecord | ForceRecord | LoadRecord
 
 
 @dataclass
@@ -352,6 +329,10 @@ class Description:
         return Description(
             self.name, self.gravity, self.changing_gravity, self.drawing_tolerance, version=self.version, **tables
         )
+
+    def loads(self, kind: str) -> Iterator[LoadRecord]:
+        """Those of a kind."""
+        return (x for x in self.forces.values() if isinstance(x, LoadRecord) and x.kind == kind)
 
     def store(self, table: dict[str, Any], record: Any) -> None:
         """Add a finished record."""

@@ -24,9 +24,7 @@ from .records import (
     Joint,
     LoadRecord,
     Point,
-    SpringRecord,
     TorqueRecord,
-    TorsionSpringRecord,
 )
 
 Tree = Any
@@ -334,9 +332,9 @@ def _element(m: Drawing, element: Element, kind: str, name: Any) -> dict[str, An
 
 
 def _form(record: Any) -> str:
-    if isinstance(record, SpringRecord):
+    if isinstance(record, LoadRecord) and record.kind == "spring":
         return "spring"
-    if isinstance(record, TorsionSpringRecord | TorqueRecord):
+    if isinstance(record, TorqueRecord):
         return "effort"
     return "effort" if isinstance(record, LoadRecord) and "joint" in record.means else "load"
 

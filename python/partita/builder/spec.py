@@ -28,9 +28,7 @@ from .records import (
     ForceRecord,
     JointRecord,
     LoadRecord,
-    SpringRecord,
     TorqueRecord,
-    TorsionSpringRecord,
 )
 from .values import Constant, Cubics, Function, Table, Value
 
@@ -179,28 +177,6 @@ class Writer:
 
     def _force(self, record: ForceLike) -> dict[str, Any]:
         match record:
-            case SpringRecord():
-                return {
-                    "kind": "spring",
-                    "name": record.name,
-                    "body1": record.body1,
-                    "point1": record.point1.tolist(),
-                    "body2": record.body2,
-                    "point2": record.point2.tolist(),
-                    "stiffness": record.stiffness,
-                    "damping": record.damping,
-                    "length": self._length(record),
-                }
-            case TorsionSpringRecord():
-                return {
-                    "kind": "torsion_spring",
-                    "name": record.name,
-                    "joint": record.joint,
-                    "coordinate": record.coordinate,
-                    "stiffness": record.stiffness,
-                    "damping": record.damping,
-                    "angle": record.angle,
-                }
             case TorqueRecord():
                 return {
                     "kind": "torque",
@@ -225,15 +201,6 @@ class Writer:
             case LoadRecord():
                 entries = {key: self._plain(item) for key, item in record.means.items() if item is not None}
                 return {"kind": record.kind, "name": record.name, **entries}
-
-    def _length(self, record: SpringRecord) -> float:
-        """Free length; as drawn where the user gave none."""
-        if record.length is not None:
-            return record.length
-        ends = [
-            to_world(self.description, *end) for end in ((record.body1, record.point1), (record.body2, record.point2))
-        ]
-        return float(norm(ends[1] - ends[0]))
 
     def _value(self, value: Value) -> dict[str, Any]:
         match value:

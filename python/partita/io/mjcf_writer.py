@@ -13,7 +13,7 @@ import numpy as np
 
 from ..builder import Builder
 from ..builder.checks import Array
-from ..builder.records import GROUND, BodyRecord, SpringRecord
+from ..builder.records import GROUND, BodyRecord, LoadRecord
 from ..errors import FileFormatError
 from ..files import put
 from ..numeric import quaternion
@@ -26,7 +26,6 @@ from .skeleton import (
     Closure,
     Motion,
     Spring,
-    free_length,
     quoted,
     skeleton,
     springs,
@@ -87,7 +86,7 @@ class _Writer:
             ends = f"joint1={quoted(follower)} joint2={quoted(leader)}"
             coefficients = f'polycoef="{words((offset, factor, 0.0, 0.0, 0.0))}"'
             self.equalities.append(f"    <joint name={quoted(name)} {ends} {coefficients}/>")
-        tendons = [line for f in d.forces.values() if isinstance(f, SpringRecord) for line in self.spring(f)]
+        tendons = [line for f in d.loads("spring") for line in self.spring(f)]
         bodies = self.bodies(children)
         for joint, coordinate in self.springs:
             report.dropped.append(f"spring of coordinate {coordinate} of joint {joint}, which joins points")
@@ -275,20 +274,20 @@ class _Writer:
             f"parts of equal mass that {weld} welds together"
         )
 
-    def spring(self, record: SpringRecord) -> list[str]:
+    def spring(self, record: LoadRecord) -> list[str]:
         """A tendon between two sites."""
-        if record.stiffness < 0.0 or record.damping < 0.0:
+        stiffness, damping, length = record["stiffness"], record["damping"], record["length"]
+        if stiffness < 0.0 or damping < 0.0:
             self.report.dropped.append(f"spring {record.name}, whose stiffness or damping is negative")
             return []
-        length, ends = free_length(self.mechanism._description, record), []
-        points = ((record.body1, record.point1), (record.body2, record.point2))
+        ends = []
         if length < 0.0:
             self.report.dropped.append(f"spring {record.name}, whose free length is negative")
             return []
-        for i, (body, point) in enumerate(points, 1):
+        for i in (1, 2):
             pose = np.eye(4)
-            pose[:3, 3] = point
-            ends.append(self.site(body, f"{record.name} end {i}", pose))
-        law = f'stiffness="{text(record.stiffness)}" damping="{text(record.damping)}" springlength="{text(length)}"'
+            pose[:3, 3] = record[f"point{i}"]
+            ends.append(self.site(record[f"body{i}"], f"{record.name} end {i}", pose))
+        law = f'stiffness="{text(stiffness)}" damping="{text(damping)}" springlength="{text(length)}"'
         sites = [f"      <site site={quoted(end)}/>" for end in ends]
         return [f"    <spatial name={quoted(record.name)} {law}>", *sites, "    </spatial>"]

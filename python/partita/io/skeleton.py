@@ -12,12 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..builder import Builder
-from ..builder.bodies import to_world
 from ..builder.calls import kind_of
 from ..builder.checks import Array
 from ..builder.joints import motions
-from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, SpringRecord, TorqueRecord
-from ..builder.records import TorsionSpringRecord as Torsion
+from ..builder.records import GROUND, CouplingRecord, Description, JointRecord, TorqueRecord
 from ..products import matmul, norm
 from ..tolerance import SUM_ROUNDING
 from .robot import inverse, nearest, placed
@@ -142,7 +140,8 @@ def loaded(d: Description) -> set[str]:
     """Names of joints whose coordinates forces, couplings, rotors or drives refer to."""
     terms = [term for c in d.couplings.values() for term in c.terms] + [drive.measure for drive in d.drives.values()]
     found = {str(term["joint"]) for term in terms if term.get("of") == "joint"} | {r.joint for r in d.rotors.values()}
-    return found | {f.joint for f in d.forces.values() if isinstance(f, Torsion | TorqueRecord)}
+    efforts = {f.joint for f in d.forces.values() if isinstance(f, TorqueRecord)}
+    return found | efforts | {f["joint"] for f in d.loads("torsion_spring")}
 
 
 def _tree(d: Description) -> list[JointRecord]:
@@ -339,28 +338,18 @@ class Spring:
 def springs(d: Description, report: Writing) -> dict[tuple[str, int], Spring]:
     """By joint and coordinate; several at one coordinate act as one. Negative ones are dropped."""
     found: dict[tuple[str, int], Spring] = {}
-    for force in d.forces.values():
-        if not isinstance(force, Torsion):
-            continue
-        if force.stiffness < 0.0 or force.damping < 0.0:
+    for force in d.loads("torsion_spring"):
+        own, where = Spring(force["stiffness"], force["damping"], force["angle"]), (force["joint"], force["coordinate"])
+        if own.stiffness < 0.0 or own.damping < 0.0:
             report.dropped.append(f"spring {force.name}, whose stiffness or damping is negative")
             continue
-        one = found.get((force.joint, force.coordinate), Spring(0.0, 0.0, 0.0))
-        stiffness, rest = one.stiffness + force.stiffness, one.rest
-        if force.stiffness > 0.0:
-            pull = one.stiffness * one.rest + force.stiffness * force.angle
-            rest = force.angle if one.stiffness == 0.0 else pull / stiffness
-        found[force.joint, force.coordinate] = Spring(stiffness, one.damping + force.damping, rest)
+        one = found.get(where, Spring(0.0, 0.0, 0.0))
+        stiffness, rest = one.stiffness + own.stiffness, one.rest
+        if own.stiffness > 0.0:
+            pull = one.stiffness * one.rest + own.stiffness * own.rest
+            rest = own.rest if one.stiffness == 0.0 else pull / stiffness
+        found[where] = Spring(stiffness, one.damping + own.damping, rest)
     return found
-
-
-def free_length(d: Description, spring: SpringRecord) -> float:
-    """Free length of a spring between two points; by default as drawn."""
-    if spring.length is not None:
-        return spring.length
-    ends = ((spring.body1, spring.point1), (spring.body2, spring.point2))
-    one, other = (to_world(d, body, point) for body, point in ends)
-    return float(norm(other - one))
 
 
 def text(value: float) -> str:

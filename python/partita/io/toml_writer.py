@@ -21,9 +21,7 @@ from ..builder.records import (
     ForceRecord,
     JointRecord,
     LoadRecord,
-    SpringRecord,
     TorqueRecord,
-    TorsionSpringRecord,
 )
 from ..builder.spec import VERSION
 from ..builder.values import BY_DEFAULT, Constant, Cubics, Function, Table, Value
@@ -208,23 +206,6 @@ def _on_curve(record: CouplingRecord, arguments: Mapping[str, Any]) -> Entries:
 def _force(record: ForceLike) -> str:
     element = Element("force", record.name)
     match record:
-        case SpringRecord():
-            ends = {
-                "body1": record.body1,
-                "point1": record.point1,
-                "body2": record.body2,
-                "point2": record.point2,
-            }
-            law = {"stiffness": record.stiffness, "damping": record.damping or None, "length": record.length}
-            return _table("[[spring]]", {"name": record.name, **ends, **law})
-        case TorsionSpringRecord():
-            where = {"name": record.name, "joint": record.joint, "coordinate": record.coordinate or None}
-            law = {
-                "stiffness": record.stiffness,
-                "damping": record.damping or None,
-                "angle": record.angle or None,
-            }
-            return _table("[[torsion_spring]]", {**where, **law})
         case TorqueRecord():
             where = {"name": record.name, "joint": record.joint, "coordinate": record.coordinate or None}
             over = {"over": record.over, "periodic": record.periodic or None}

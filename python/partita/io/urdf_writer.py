@@ -20,7 +20,7 @@ import numpy as np
 
 from ..builder import Builder
 from ..builder.checks import Array
-from ..builder.records import DRAWING_TOLERANCE, GROUND, RotorRecord, SpringRecord, TorsionSpringRecord
+from ..builder.records import DRAWING_TOLERANCE, GROUND, LoadRecord, RotorRecord
 from ..files import put
 from ..limits import limit
 from ..products import matmul
@@ -32,7 +32,6 @@ from .skeleton import (
     Closure,
     Motion,
     Names,
-    free_length,
     quoted,
     skeleton,
     text,
@@ -76,7 +75,7 @@ class _Writer:
     kinds: list[str] = field(default_factory=list)
     loops: list[str] = field(default_factory=list)
     beside: list[str] = field(default_factory=list)
-    springs: dict[tuple[str, int], list[TorsionSpringRecord]] = field(default_factory=dict)
+    springs: dict[tuple[str, int], list[LoadRecord]] = field(default_factory=dict)
     rotors: dict[tuple[str, int], list[RotorRecord]] = field(default_factory=dict)
     transmissions: list[str] = field(default_factory=list)
 
@@ -86,9 +85,8 @@ class _Writer:
         tree = skeleton(self.mechanism, report)
         self.names: Names = tree.names
         self.world = "world" if "world" not in d.bodies else self.names.new("world of the robot")
-        for force in d.forces.values():
-            if isinstance(force, TorsionSpringRecord):
-                self.springs.setdefault((force.joint, force.coordinate), []).append(force)
+        for force in d.loads("torsion_spring"):
+            self.springs.setdefault((force["joint"], force["coordinate"]), []).append(force)
         for rotor in d.rotors.values():
             self.rotors.setdefault((rotor.joint, rotor.coordinate), []).append(rotor)
         self.mimics: dict[str, tuple[str, float, float]] = {}
@@ -116,9 +114,8 @@ class _Writer:
             )
         for joint, coordinate in self.rotors:
             report.dropped.append(f"rotor on coordinate {coordinate} of joint {joint}, neither a hinge nor a slide")
-        for force in d.forces.values():
-            if isinstance(force, SpringRecord):
-                self.spring(force)
+        for force in d.loads("spring"):
+            self.spring(force)
         writing_table.visit(d, report)
         self.weightless = [name for name, body in d.bodies.items() if not body.gravity]
         if self.weightless:
@@ -233,7 +230,7 @@ class _Writer:
         ends: tuple[str, str],
         pose: Array,
         axis: Array | None = None,
-        found: Iterable[TorsionSpringRecord] = (),
+        found: Iterable[LoadRecord] = (),
     ) -> None:
         """One joint of the file, with the springs at it."""
         lines = [
@@ -248,12 +245,12 @@ class _Writer:
             far = f"{UNLIMITED:g}"
             lines.append(f'    <limit lower="-{far}" upper="{far}" effort="{far}" velocity="{far}"/>')
         found = list(found)
-        damping = sum(record.damping for record in found)
+        damping = sum(record["damping"] for record in found)
         if damping > 0.0:
             lines.append(f'    <dynamics damping="{text(damping)}"/>')
-        if len(found) > 1 or any(record.stiffness != 0.0 or record.damping < 0.0 for record in found):
+        if len(found) > 1 or any(record["stiffness"] != 0.0 or record["damping"] < 0.0 for record in found):
             for record in found:
-                law = _law(record.stiffness, record.damping, "angle", record.angle)
+                law = _law(record["stiffness"], record["damping"], "angle", record["angle"])
                 self.beside.append(f"{{name: {_scalar(record.name)}, joint: {_scalar(name)}, {law}}}")
                 other = "take its damping alone" if damping > 0.0 else "do not know it"
                 remark = f"spring {record.name} of joint {name} is written to the sidecar file"
@@ -283,13 +280,14 @@ class _Writer:
         self.kinds.append(kind)
         self.loops.append(joint.name)
 
-    def spring(self, record: SpringRecord) -> None:
+    def spring(self, record: LoadRecord) -> None:
         """A spring between two points, in the sidecar file."""
         ends = []
-        for word, body, point in (("from", record.body1, record.point1), ("to", record.body2, record.point2)):
-            pose = point - self.frames[body][:3, 3]
+        for word, i in (("from", 1), ("to", 2)):
+            body = record[f"body{i}"]
+            pose = record[f"point{i}"] - self.frames[body][:3, 3]
             ends.append(f"{word}: {_listed([_scalar(self.of(body)), *map(_float, pose)])}")
-        law = _law(record.stiffness, record.damping, "length", free_length(self.mechanism._description, record))
+        law = _law(record["stiffness"], record["damping"], "length", record["length"])
         self.beside.append(f"{{name: {_scalar(record.name)}, {', '.join(ends)}, {law}}}")
         remark = f"spring {record.name} between two points is written to the sidecar file"
         self.report.changed.append(f"{remark}; other programs ignore it")

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..builder.calls import kind_of
 from ..builder.checks import Element
+from ..builder.declaration import LOADS
 from ..builder.records import DRAWING_TOLERANCE, CouplingRecord, Description, JointRecord
 from .writing import Writing
 
@@ -112,14 +113,9 @@ _ROWS = (
     _row("spring", _SIDE, Fate(PARTLY, "`tendon`; of negative stiffness, damping or length dropped"), _NONE),
     _row("torsion spring", Fate(PARTLY, _DAMPERS), Fate(PARTLY, "sums along a coordinate; negative ones dropped")),
     _row("torque, force", Fate(DROPPED, "it no longer acts"), toml=_GIVEN),
-    _row("gas spring", Fate(DROPPED, "it no longer acts")),
     _row("force law", Fate(DROPPED, "it no longer acts"), toml=Fate(REFUSED, _PYTHON)),
-    _row("bushing", Fate(DROPPED, "nothing holds its bodies together")),
     _row("friction", Fate(DROPPED, "nothing resists the motion"), toml=_GIVEN),
-    _row("stop", Fate(DROPPED, "the motion has no end there")),
-    _row("contact", Fate(DROPPED, "its bodies pass through each other")),
-    _row("rope", Fate(DROPPED, "nothing holds its ends together")),
-    _row("tyre", Fate(DROPPED, "the wheel does not touch the road")),
+    *(_row(kind.replace("_", " "), Fate(DROPPED, load.lost)) for kind, load in LOADS.items() if load.lost),
     _row("sensor", Fate(OMITTED, "it measures, and moves nothing"), toml=_GIVEN),
 )
 TABLE: dict[str, dict[str, Fate]] = {

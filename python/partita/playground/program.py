@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..builder.compiled import CompiledModel
 from ..builder.measures import measure_unit
-from ..builder.records import Description, SpringRecord
+from ..builder.records import Description, LoadRecord
 from ..builder.values import Constant
 from ..errors import DescriptionError
 from ..state import State
@@ -66,8 +66,9 @@ def changeable(description: Description) -> Description:
                 element="force",
                 name=spring,
             )
-        origin = np.zeros(3)
-        changed.store(changed.forces, SpringRecord(spring, "ground", origin, name, origin, 0.0, 0.0, 0.0))
+        ends = {"body1": "ground", "point1": np.zeros(3), "body2": name, "point2": np.zeros(3)}
+        means = {**ends, "stiffness": 0.0, "damping": 0.0, "length": 0.0}
+        changed.store(changed.forces, LoadRecord(spring, "spring", means, means))
     return changed
 
 

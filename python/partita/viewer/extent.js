@@ -32,7 +32,7 @@ function findExtent(run, frames) {
     for (const { body, points: line } of s.lines) for (let i = 0; i < line.length; i += 6) points.push(run.placed(f, body, line[i]));
     for (const rod of s.rods) points.push(run.placed(f, rod.body1, rod.point1), run.placed(f, rod.body2, rod.point2));
     for (const { body, at } of s.points) points.push(run.placed(f, body, at));
-    for (const spring of [...s.springs, ...s.ropes]) {
+    for (const spring of s.springs) {
       points.push(run.placed(f, spring.body1, spring.point1), run.placed(f, spring.body2, spring.point2));
     }
   }

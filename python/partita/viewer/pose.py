@@ -74,7 +74,7 @@ class Pose:
             cloud += [self.path(joint["parent"], end)[::step] for end in joint["rail"] or ()]
         for b, body in enumerate(scene["bodies"]):
             cloud += [self.path(b, point)[::step] for point in body["points"]]
-        for both in (*scene["springs"], *scene["ropes"], *scene["rods"]):
+        for both in (*scene["springs"], *scene["rods"]):
             cloud += [self.path(both[f"body{i}"], both[f"point{i}"])[::step] for i in (1, 2)]
         cloud += [self.path(point["body"], point["at"])[::step] for point in scene["points"]]
         for line in scene["lines"]:

@@ -81,7 +81,7 @@ class Scene {
     run.scene.joints.forEach((joint, j) => {
       if (isSupported(joint)) foot(run.seatOf(0, j), 3.4);
     });
-    for (const { body1, point1, body2, point2 } of [...run.scene.springs, ...run.scene.ropes]) {
+    for (const { body1, point1, body2, point2 } of run.scene.springs) {
       for (const [body, point] of [[body1, point1], [body2, point2]]) if (body < 0) foot(point, 2.6);
     }
     return found.filter(isFinite3);
@@ -262,16 +262,17 @@ class Scene {
       const a = run.placed(frame, spring.body1, spring.point1), b = run.placed(frame, spring.body2, spring.point2);
       if (spring.body1 < 0) painter.support(a, 2.6 * this.radius);
       if (spring.body2 < 0) painter.support(b, 2.6 * this.radius);
-      painter.spring(a, b, 1.5 * this.radius);
+      if (spring.rods) this.rods(painter, a, b, spring.rods);
+      else if (spring.rope) painter.rope(a, b, spring.rope, scaled(run.scene.view.up, -1));
+      else painter.spring(a, b, 1.5 * this.radius);
       this.hits.push({ point: a, label: spring.name, kind: "spring" }, { point: b, label: spring.name, kind: "spring" });
     }
-    for (const rope of run.scene.ropes) {
-      const a = run.placed(frame, rope.body1, rope.point1), b = run.placed(frame, rope.body2, rope.point2);
-      if (rope.body1 < 0) painter.support(a, 2.6 * this.radius);
-      if (rope.body2 < 0) painter.support(b, 2.6 * this.radius);
-      painter.rope(a, b, rope.length, scaled(run.scene.view.up, -1));
-      this.hits.push({ point: a, label: rope.name, kind: "spring" }, { point: b, label: rope.name, kind: "spring" });
-    }
+  }
+
+  /** Rods along the line from a to b: where each begins and ends from a, null at b, and its radius. */
+  rods(painter, a, b, pieces) {
+    const along = unit(sub(b, a)), at = (x) => (x === null ? b : add(a, scaled(along, x)));
+    for (const [from, to, radius] of pieces) painter.rod(at(from), at(to), radius * this.radius, COLOURS.spring, this.piecesOf(a, b));
   }
 
   joints(painter, frame) {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -92,7 +92,7 @@ def _described(
         "solids": [{"body": body, "parts": parts} for body, parts in (guessed | dict(solids or {})).items()],
         "wheels": drawn_couplings.wheels,
         "lines": drawn_couplings.lines,
-        "rods": drawn_couplings.rods,
+        "rods": [{**rod, "rods": [[0.0, None, 0.55]]} for rod in drawn_couplings.rods],
         "links": drawn_couplings.links,
         "ground": drawn_couplings.ground,
         "floors": around.floors,
@@ -102,8 +102,7 @@ def _described(
         "motors": around.motors,
         "points": list(traced),
         "loads": loads,
-        "springs": _between(spec, list(result.names.bodies), "spring"),
-        "ropes": _between(spec, list(result.names.bodies), "rope"),
+        "springs": _between(spec, list(result.names.bodies)),
         "velocities": list(result.names.velocities),
         "drives": efforts(result)[0],
         "apart": _apart(result),
@@ -329,7 +328,7 @@ def _bodies(
     """Shape of every body from the joints and springs on it, its hint, and its centre of mass; points in body axes."""
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
     names = list(result.names.bodies)
-    held = [*_between(spec, names, "spring"), *_between(spec, names, "rope"), *coupled.rods]
+    held = [*_between(spec, names), *coupled.rods]
     found = []
     for i, name in enumerate(result.names.bodies):
         given = drawn.get(name, {})
@@ -406,18 +405,26 @@ def _solids(
     return found
 
 
-def _between(spec: Mapping[str, Any], names: list[str], kind: str) -> list[dict[str, Any]]:
-    """Springs or ropes: their ends, and the length without force."""
+LOOKS: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+    "spring": lambda force: {},
+    "rope": lambda force: {"rope": force["length"]},
+    "gas_strut": lambda force: {"rods": [[0.0, tube := force["length"] - force["stroke"], 0.9], [tube, None, 0.4]]},
+}
+"""Loads between two points as they are drawn: a rope of a length; rods, each with its ends on the line and its radius;
+else a spring."""
+
+
+def _between(spec: Mapping[str, Any], names: list[str]) -> list[dict[str, Any]]:
+    """What is drawn between two points: its ends and its look."""
     index = {name: i for i, name in enumerate(names)} | {"ground": -1}
     return [
         {
             "name": force.get("name", ""),
-            "body1": index[force["body1"]],
-            "point1": list(force["point1"]),
-            "body2": index[force["body2"]],
-            "point2": list(force["point2"]),
-            **({"length": force["length"]} if kind == "rope" else {}),
+            **{f"body{i}": index[force[f"body{i}"]] for i in (1, 2)},
+            **{f"point{i}": list(force[f"point{i}"]) for i in (1, 2)},
+            **look(force),
         }
+        for kind, look in LOOKS.items()
         for force in spec.get("forces", ())
         if force.get("kind") == kind
     ]

@@ -91,7 +91,7 @@ function drawCouplings(scene, painter, frame) {
   }
   for (const rod of s.rods) {
     const a = run.placed(frame, rod.body1, rod.point1), b = run.placed(frame, rod.body2, rod.point2);
-    painter.rod(a, b, 0.55 * scene.radius, COLOURS.spring, scene.piecesOf(a, b));
+    scene.rods(painter, a, b, rod.rods);
     if (rod.body1 !== rod.body2) for (const end of [a, b]) painter.ball(end, 0.9 * scene.radius, COLOURS.joint, scene.radius);
   }
   for (const [a, b] of s.links) {

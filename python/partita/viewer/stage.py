@@ -361,7 +361,7 @@ class Stage:
             sheet.add(deep, draw)
         for rod in scene["rods"]:
             ends = [pose.placed(frame, rod[f"body{i}"], np.array(rod[f"point{i}"])) for i in (1, 2)]
-            self.rod(sheet, ends[0], ends[1], 0.55 * self.radius, SPRING)
+            self.rods(sheet, ends[0], ends[1], rod["rods"])
         for a, b in scene["links"]:
             p, q = (self.at(pose.seat(frame, j)) for j in (a, b))
             for s in np.arange(0.0, 1.0, 0.04):
@@ -377,6 +377,14 @@ class Stage:
                 if spring[f"body{i}"] < 0:
                     self.support(sheet, ends[i - 1], 2.6 * self.radius)
 
+            if "rods" in spring:
+                self.rods(sheet, ends[0], ends[1], spring["rods"])
+                continue
+            if "rope" in spring:
+                line = self.at(hanging(ends[0], ends[1], spring["rope"], -np.array(self.scene["view"]["up"])))
+                sheet.add(self.depth(ends), partial(sheet.line, list(line), SPRING, 1.7 * FINER))
+                continue
+
             def draw(ends: Any = ends) -> None:
                 p, q = self.at(ends)
                 offset = q - p
@@ -390,13 +398,13 @@ class Stage:
                 sheet.line([*steps, p + 0.88 * offset, q], SPRING, 1.7 * FINER)
 
             sheet.add(self.depth(ends), draw)
-        for rope in self.scene["ropes"]:
-            ends = [self.pose.placed(frame, rope[f"body{i}"], np.array(rope[f"point{i}"])) for i in (1, 2)]
-            for i in (1, 2):
-                if rope[f"body{i}"] < 0:
-                    self.support(sheet, ends[i - 1], 2.6 * self.radius)
-            line = self.at(hanging(ends[0], ends[1], rope["length"], -np.array(self.scene["view"]["up"])))
-            sheet.add(self.depth(ends), partial(sheet.line, list(line), SPRING, 1.7 * FINER))
+
+    def rods(self, sheet: Sheet, a: FloatArray, b: FloatArray, pieces: Any) -> None:
+        """Rods along the line from a to b: where each begins and ends from a, None at b, and its radius."""
+        along = (b - a) / (np.linalg.norm(b - a) or 1.0)
+        for start, end, radius in pieces:
+            first, last = (b if x is None else a + x * along for x in (start, end))
+            self.rod(sheet, first, last, radius * self.radius, SPRING)
 
     def support(self, sheet: Sheet, point: FloatArray, size: float) -> None:
         r = size * self.scale

@@ -3,8 +3,8 @@
 use super::{AttachmentPoint, CutSight, Element, LawInput, LoadLaw, PointForce, Spring};
 use crate::error::DescriptionError;
 use crate::measurement;
-use crate::numbers::{DescribedForce, Numbers};
-use crate::spec::{Axes, Force, Spec};
+use crate::numbers::{Fields, Numbers};
+use crate::spec::{self, Axes, Force, Spec};
 use crate::tree::Tree;
 use crate::value::VectorSource;
 use crate::zero_position::Placed;
@@ -55,7 +55,7 @@ impl<'a, G: Space> Maker<'a, G> {
     /// All forces of the description, springs between points first.
     pub fn elements(&self) -> Result<Vec<Element<G>>, DescriptionError> {
         let described = self.spec.forces.iter().zip(&self.numbers.forces);
-        let (first, others): (Vec<_>, Vec<_>) = described.partition(|(f, _)| matches!(f, Force::Spring { .. }));
+        let (first, others): (Vec<_>, Vec<_>) = described.partition(|(f, _)| matches!(f, Force::Spring(_)));
         let mut elements = Vec::with_capacity(self.spec.forces.len());
         for (f, n) in first.into_iter().chain(others) {
             elements.push(self.element(f, n)?);
@@ -72,22 +72,16 @@ impl<'a, G: Space> Maker<'a, G> {
     }
 
     /// A force at a point of a body.
-    pub(super) fn point_force(
-        &self,
-        name: &str,
-        body: &str,
-        value: VectorSource<G::S>,
-        axes: Axes,
-        point: Vec3<G::S>,
-    ) -> Result<Element<G>, DescriptionError> {
-        let node = self.node(body);
+    pub(super) fn point_force(&self, x: &spec::PointForce, n: &Fields<G::S>) -> Result<Element<G>, DescriptionError> {
+        let (name, node) = (&x.name, self.node(&x.body));
         if node == 0 {
             return Err(DescriptionError::new("force", name, "a force on the ground has no effect; name a body"));
         }
-        let turns = axes == Axes::Body;
+        let turns = x.axes == Axes::Body;
         let axes = if turns { self.placed.bodies[node - 1].rot } else { self.placed.basis };
-        let on = self.attachment(node, self.numbers.point_on(self.placed, node, point));
-        Ok(Element::Force(PointForce { name: name.into(), on, value, axes: Mat3::from_f64(axes.0), turns }))
+        let on = self.attachment(node, self.numbers.point_on(self.placed, node, n.vector("point")));
+        let value = VectorSource::new(&x.value, n.field("value"));
+        Ok(Element::Force(PointForce { name: name.clone(), on, value, axes: Mat3::from_f64(axes.0), turns }))
     }
 
     /// Number of a body, 0 for the ground.
@@ -101,9 +95,10 @@ impl<'a, G: Space> Maker<'a, G> {
         AttachmentPoint { node, link, at: G::vec_in(point - self.numbers.reference[link]) }
     }
 
-    pub(super) fn spring(&self, nodes: [usize; 2], n: &DescribedForce<G::S>, damped: bool) -> Spring<G> {
+    pub(super) fn spring(&self, nodes: [usize; 2], n: &Fields<G::S>, damped: bool) -> Spring<G> {
         let end = |i: usize| {
-            let (node, point) = (nodes[i], self.numbers.point_on(self.placed, nodes[i], n.points[i]));
+            let (node, point) =
+                (nodes[i], self.numbers.point_on(self.placed, nodes[i], n.vector(["point1", "point2"][i])));
             if self.placed.link_of(node) == 0 {
                 // on the ground the point is the origin itself
                 return (AttachmentPoint { node, link: 0, at: G::Vec::default() }, point, point);
@@ -119,9 +114,9 @@ impl<'a, G: Space> Maker<'a, G> {
             b,
             offset: G::vec_in(origin_b - origin_a),
             out_of_plane2: out_of_plane * out_of_plane,
-            stiffness: n.stiffness,
-            damping: n.damping,
-            length: n.rest,
+            stiffness: n.number("stiffness"),
+            damping: n.number("damping"),
+            length: n.number("length"),
             damped,
         }
     }

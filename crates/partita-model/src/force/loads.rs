@@ -3,9 +3,9 @@
 use super::build::Maker;
 use super::law::LawInput;
 use super::spot::Spot;
-use super::{Buffer, Bushing, Contact, Element, Gravity, Law, Rope, Surface, Tyre, Weightless};
+use super::{Buffer, Bushing, Contact, Element, Gravity, Law, Line, Surface, TwoPoint, Tyre, Weightless};
 use crate::error::DescriptionError;
-use crate::numbers::DescribedForce;
+use crate::numbers::Fields;
 use crate::spec::{self, Force, Sight};
 use crate::value::{places_uncounted, VectorSource};
 use partita_math::scalar::Scalar;
@@ -14,7 +14,7 @@ use std::collections::HashSet;
 
 impl<G: Space> Maker<'_, G> {
     /// The element of a force.
-    pub(super) fn element(&self, force: &Force, n: &DescribedForce<G::S>) -> Result<Element<G>, DescriptionError> {
+    pub(super) fn element(&self, force: &Force, n: &Fields<G::S>) -> Result<Element<G>, DescriptionError> {
         let (placed, numbers) = (self.placed, self.numbers);
         let two_bodies = |name: &str, a: &str, b: &str| match a == b {
             true => Err(DescriptionError::new(
@@ -25,19 +25,17 @@ impl<G: Space> Maker<'_, G> {
             false => Ok(()),
         };
         Ok(match force {
-            Force::Spring { body1, body2, damping, .. } => {
-                Element::Spring(self.spring([self.node(body1), self.node(body2)], n, *damping != 0.0))
+            Force::Spring(x) => {
+                Element::Spring(self.spring([&x.body1, &x.body2].map(|x| self.node(x)), n, x.damping != 0.0))
             }
-            Force::Force { name, body, value, axes, .. } => {
-                self.point_force(name, body, VectorSource::new(value, n.value), *axes, n.points[0])?
-            }
+            Force::Force(x) => self.point_force(x, n)?,
             Force::Bushing(x) => {
                 two_bodies(&x.name, &x.body1, &x.body2)?;
                 let any = |m: &[[f64; 6]; 6]| m.iter().flatten().any(|x| *x != 0.0);
                 let skew = (0..6).any(|i| (0..i).any(|j| x.stiffness[i][j] != x.stiffness[j][i]));
                 let frame = |body: &str, f: &[[f64; 3]; 3]| Mat3::<G::S>::from_f64(self.axes(body).mul(&Mat3(*f)).0);
                 let matrix = |field: &str| {
-                    let all = n.of_load.field(field);
+                    let all = n.field(field);
                     std::array::from_fn(|i| std::array::from_fn(|j| all.get(6 * i + j).copied().unwrap_or_default()))
                 };
                 let twists = |m: &[[f64; 6]; 6]| (0..6).any(|i| (0..6).any(|j| (i > 2 || j > 2) && m[i][j] != 0.0));
@@ -65,15 +63,6 @@ impl<G: Space> Maker<'_, G> {
                     buffer: Buffer::new(n, x.exponent, x.damping),
                     friction: ["friction", "static_friction", "stick_velocity"].map(|field| n.number(field)),
                     rough: x.friction != 0.0 || x.static_friction != 0.0,
-                }))
-            }
-            Force::Rope(x) => {
-                two_bodies(&x.name, &x.body1, &x.body2)?;
-                Element::Rope(Box::new(Rope {
-                    a: self.spot(&x.body1, n.vector("point1")),
-                    b: self.spot(&x.body2, n.vector("point2")),
-                    length: n.number("length"),
-                    buffer: Buffer::new(n, x.exponent, x.damping),
                 }))
             }
             Force::Tyre(x) => {
@@ -113,14 +102,21 @@ impl<G: Space> Maker<'_, G> {
                 let axes = Mat3::from_f64(placed.basis.0);
                 Element::Gravity(Box::new(Gravity {
                     name: x.name.clone(),
-                    value: VectorSource::new(&x.value, n.value),
+                    value: VectorSource::new(&x.value, &[]),
                     axes,
                     on,
                 }))
             }
-            along => match self.load(along, n)? {
-                Some(load) => Element::Load(Box::new(load)),
-                None => return Err(DescriptionError::new("force", along.name(), "it acts on nothing")),
+            other => match (Line::new(other, n), other.record().line()) {
+                (Some(law), Some([(body1, _), (body2, _)])) => {
+                    two_bodies(other.name(), body1, body2)?;
+                    let [a, b] = [(body1, "point1"), (body2, "point2")].map(|(body, x)| self.spot(body, n.vector(x)));
+                    Element::TwoPoint(Box::new(TwoPoint { a, b, law }))
+                }
+                _ => match self.load(other, n)? {
+                    Some(load) => Element::Load(Box::new(load)),
+                    None => return Err(DescriptionError::new("force", other.name(), "it acts on nothing")),
+                },
             },
         })
     }

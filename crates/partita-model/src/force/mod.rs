@@ -14,10 +14,10 @@ mod load;
 mod loads;
 mod point_force;
 mod resistance;
-mod rope;
 mod sight;
 mod spot;
 mod spring;
+mod two_point;
 mod tyre;
 mod weightless;
 
@@ -29,10 +29,10 @@ pub use law::{Law, LawInput};
 pub use load::{Bearing, Curve, Effort, Friction, Load, LoadLaw, SpringDamper, Stop};
 pub use point_force::PointForce;
 pub use resistance::Buffer;
-pub use rope::Rope;
 pub use sight::CutSight;
 pub use spot::Spot;
 pub use spring::Spring;
+pub use two_point::{Line, TwoPoint};
 pub use tyre::Tyre;
 pub use weightless::Weightless;
 
@@ -56,8 +56,8 @@ pub enum Element<G: Space> {
     Bushing(Box<Bushing<G>>),
     /// A sphere against a plane or a sphere.
     Contact(Box<Contact<G>>),
-    /// A rope between two points.
-    Rope(Box<Rope<G>>),
+    /// A law of the distance of two points.
+    TwoPoint(Box<TwoPoint<G>>),
     /// A wheel on a road.
     Tyre(Box<Tyre<G>>),
     /// A function of its readings.
@@ -223,7 +223,7 @@ impl<G: Space> Element<G> {
         match self {
             Self::Bushing(e) => e.wrench(at),
             Self::Contact(e) => Ok(e.wrench(at)),
-            Self::Rope(e) => Ok(e.wrench(at)),
+            Self::TwoPoint(e) => Ok(e.wrench(at)),
             Self::Tyre(e) => Ok(e.wrench(at)),
             Self::Law(e) => e.wrench(at, memory),
             Self::Gravity(e) => e.wrench(at, memory),
@@ -240,7 +240,7 @@ impl<G: Space> Element<G> {
             Self::Force(e) => !e.is_conservative(),
             Self::Bushing(e) => e.damped,
             Self::Contact(e) => e.buffer.damped || e.rough,
-            Self::Rope(e) => e.buffer.damped,
+            Self::TwoPoint(e) => e.is_dissipative(),
             Self::Tyre(e) => e.buffer.damped || e.has_slip_forces,
             Self::Weightless(_) => false,
         }
@@ -324,7 +324,7 @@ impl<G: Space> Element<G> {
             Self::Force(e) => vec![e.on.node],
             Self::Bushing(e) => of(&e.ends),
             Self::Contact(e) => of(&[e.centre, e.other]),
-            Self::Rope(e) => of(&[e.a, e.b]),
+            Self::TwoPoint(e) => of(&[e.a, e.b]),
             Self::Tyre(e) => of(&[e.centre, e.road]),
             Self::Law(e) => of(&e.on),
             Self::Weightless(e) => vec![e.on.node],
@@ -341,7 +341,7 @@ impl<G: Space> Element<G> {
             Self::Force(e) => (None, vec![e.on.link]),
             Self::Bushing(e) => of(&e.ends),
             Self::Contact(e) => of(&[e.centre, e.other]),
-            Self::Rope(e) => of(&[e.a, e.b]),
+            Self::TwoPoint(e) => of(&[e.a, e.b]),
             Self::Tyre(e) => of(&[e.centre, e.road]),
             Self::Law(e) => of(&e.on),
             Self::Weightless(e) => (None, vec![e.on.link]),

@@ -1,6 +1,6 @@
 //! Laws that several elements share: compression and sliding resistance.
 
-use crate::numbers::DescribedForce;
+use crate::numbers::Fields;
 use partita_math::scalar::Scalar;
 
 /// Repulsion at a depth: `stiffness · depth^exponent · (1 + damping · speed)`, never less than 0, the speed counted
@@ -29,7 +29,7 @@ pub(crate) struct Pressed<S> {
 }
 
 impl<S: Scalar> Buffer<S> {
-    pub(super) fn new(n: &DescribedForce<S>, exponent: f64, damping: f64) -> Self {
+    pub(super) fn new(n: &Fields<S>, exponent: f64, damping: f64) -> Self {
         Self { stiffness: n.number("stiffness"), damping: n.number("damping"), exponent, damped: damping != 0.0 }
     }
 

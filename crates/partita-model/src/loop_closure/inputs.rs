@@ -35,7 +35,7 @@ fn candidates(model: &Model, graph: &Graph) -> Vec<usize> {
     let loaded = |j: Option<usize>| {
         j.is_some_and(|j| {
             let name = &model.spec.joints[j].name;
-            model.spec.forces.iter().any(|f| matches!(f, Force::Torque { joint, .. } if joint == name))
+            model.spec.forces.iter().any(|f| matches!(f, Force::Torque(x) if x.joint == *name))
         })
     };
     let mut found: Vec<Candidate> = Vec::new();

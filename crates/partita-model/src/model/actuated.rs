@@ -12,7 +12,7 @@ use crate::compile;
 use crate::error::DescriptionError;
 use crate::freed::Freed;
 use crate::numbers::Numbers;
-use crate::spec::{Drive, Force, Level, Spec, Value, VectorValue};
+use crate::spec::{Drive, Force, Level, PointForce, Spec, Value, VectorValue};
 use crate::value;
 use partita_system::SystemError;
 use std::sync::Arc;
@@ -23,9 +23,11 @@ pub type Silent = (usize, Option<usize>);
 /// Set the given effort to zero; a function that returns all components is left out as a whole.
 fn silence(force: &mut Force, component: Option<usize>) {
     match (force, component) {
-        (Force::Torque { value, over, .. }, _) => (*value, *over) = (Value::Constant(0.0), None),
-        (Force::Force { value: VectorValue::Components(all), .. }, Some(i)) if i < 3 => all[i] = Value::Constant(0.0),
-        (Force::Force { value, .. }, _) => *value = VectorValue::Components([0.0; 3].map(Value::Constant)),
+        (Force::Torque(x), _) => (x.value, x.over) = (Value::Constant(0.0), None),
+        (Force::Force(PointForce { value: VectorValue::Components(all), .. }), Some(i)) if i < 3 => {
+            all[i] = Value::Constant(0.0);
+        }
+        (Force::Force(x), _) => x.value = VectorValue::Components([0.0; 3].map(Value::Constant)),
         _ => {}
     }
 }

@@ -11,9 +11,9 @@ use partita_math::dense;
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Mat3, Quaternion};
 use partita_math::tolerance;
-use partita_system::watched::{Reading, Watched};
 use partita_system::system::{project_dense, BlockSink, ClusterTangent, Recursion, Structure, Tangent};
 use partita_system::system::{Clustered, Guards, Levels, Manifold, Metric};
+use partita_system::watched::{Reading, Watched};
 use partita_system::SystemError;
 
 /// Up to this many degrees of freedom one small M_d costs less than any recursion, and existing bases use the same

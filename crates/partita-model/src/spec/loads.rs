@@ -1,10 +1,9 @@
-//! Forces between bodies that are described by records of their own: bushings, contacts, tyres, laws, weight.
+//! Forces between frames and surfaces of bodies, laws, weight.
 
-use super::forces::{negative, no_direction, no_exponent, without_size, ForceRecord};
+use super::forces::{negative, no_direction, properties, too_steep, without_size, ForceRecord, Numbers};
 use super::{Value, VectorValue};
 use partita_math::tolerance;
 use serde::{Deserialize, Serialize};
-use std::slice::from_mut as one;
 
 /// Stiffness and damping in all six directions between two frames.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -25,34 +24,22 @@ pub struct Bushing {
     /// Axes of its frame in body axes (columns).
     pub frame2: [[f64; 3]; 3],
     /// Displacements before rotations [N/m, N, N/rad, N m/rad].
-    pub stiffness: [[f64; 6]; 6],
+    pub stiffness: Box<[[f64; 6]; 6]>,
     /// [N s/m, ...].
-    pub damping: [[f64; 6]; 6],
+    pub damping: Box<[[f64; 6]; 6]>,
 }
 
-impl ForceRecord for Bushing {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn bodies(&self) -> Vec<&str> {
-        vec![&self.body1, &self.body2]
-    }
-    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
-        vec![
-            ("point1", &mut self.point1),
-            ("point2", &mut self.point2),
-            ("stiffness", self.stiffness.as_flattened_mut()),
-            ("damping", self.damping.as_flattened_mut()),
-        ]
-    }
-    fn fault(&self) -> Option<String> {
+properties! { Bushing { bodies [body1, body2] numbers [point1, point2, stiffness, damping] fault turned } }
+
+impl Bushing {
+    fn turned(&self) -> Option<String> {
         let both = [("frame1", &self.frame1), ("frame2", &self.frame2)];
         both.into_iter().find_map(|(what, f)| {
             let column = |j: usize| [f[0][j], f[1][j], f[2][j]];
             let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
             let (x, y, z) = (column(0), column(1), column(2));
-            let turned = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-            let off = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(x, y), dot(turned, z) - 1.0, dot(z, z) - 1.0];
+            let third = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+            let off = [dot(x, x) - 1.0, dot(y, y) - 1.0, dot(x, y), dot(third, z) - 1.0, dot(z, z) - 1.0];
             let fits = off.iter().all(|x| x.abs() < tolerance::EQUAL);
             (!fits).then(|| format!("{what} is not a rotation; orthogonalise it"))
         })
@@ -103,31 +90,18 @@ pub struct Contact {
     pub stick_velocity: f64,
 }
 
-impl ForceRecord for Contact {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn bodies(&self) -> Vec<&str> {
-        vec![&self.body1, &self.body2]
-    }
-    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
-        let mut all: Vec<(&'static str, &mut [f64])> = vec![
-            ("point1", &mut self.point1),
-            ("radius1", one(&mut self.radius1)),
-            ("point2", &mut self.point2),
-            ("stiffness", one(&mut self.stiffness)),
-            ("damping", one(&mut self.damping)),
-            ("friction", one(&mut self.friction)),
-            ("static_friction", one(&mut self.static_friction)),
-            ("stick_velocity", one(&mut self.stick_velocity)),
-        ];
-        all.extend(self.radius2.as_mut().map(|x| ("radius2", one(x))));
-        all
-    }
-    fn fault(&self) -> Option<String> {
-        let against = match (&self.normal, self.radius2) {
-            (Some(n), None) => negative(&[("radius1", self.radius1)]).or_else(|| no_direction("normal", n)),
-            (None, Some(r)) => negative(&[("radius1", self.radius1)]).or_else(|| without_size(&[("radius2", r)])),
+properties! { Contact {
+    bodies [body1, body2]
+    numbers [point1, radius1, point2, stiffness, damping, friction, static_friction, stick_velocity, radius2]
+    fault misplaced
+} }
+
+impl Contact {
+    fn misplaced(&self) -> Option<String> {
+        let radius = || negative(&[("radius1", self.radius1)]);
+        let against = match (self.normal, self.radius2) {
+            (Some(normal), None) => radius().or_else(|| no_direction(&[("normal", normal)])),
+            (None, Some(other)) => radius().or_else(|| without_size(&[("radius2", other)])),
             _ => Some("the other side is a plane (normal) or a sphere (radius2), one of the two".into()),
         };
         against
@@ -140,60 +114,7 @@ impl ForceRecord for Contact {
                 ])
             })
             .or_else(|| without_size(&[("stick_velocity", self.stick_velocity)]))
-            .or_else(|| no_exponent(self.exponent))
-    }
-}
-
-/// A rope between two points of two bodies.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Rope {
-    /// Name.
-    pub name: String,
-    /// First body or `ground`.
-    pub body1: String,
-    /// Point on it, body axes.
-    pub point1: [f64; 3],
-    /// Second body or `ground`.
-    pub body2: String,
-    /// Point on it, body axes.
-    pub point2: [f64; 3],
-    /// Length without tension (m).
-    pub length: f64,
-    /// Tension at a unit of stretch.
-    pub stiffness: f64,
-    /// Power of the stretch.
-    #[serde(default = "straight")]
-    pub exponent: f64,
-    /// Growth of the tension with the speed of stretching [s/m].
-    #[serde(default)]
-    pub damping: f64,
-}
-
-fn straight() -> f64 {
-    1.0
-}
-
-impl ForceRecord for Rope {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn bodies(&self) -> Vec<&str> {
-        vec![&self.body1, &self.body2]
-    }
-    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
-        vec![
-            ("point1", &mut self.point1),
-            ("point2", &mut self.point2),
-            ("length", one(&mut self.length)),
-            ("stiffness", one(&mut self.stiffness)),
-            ("damping", one(&mut self.damping)),
-        ]
-    }
-    fn fault(&self) -> Option<String> {
-        without_size(&[("length", self.length)])
-            .or_else(|| negative(&[("stiffness", self.stiffness), ("damping", self.damping)]))
-            .or_else(|| no_exponent(self.exponent))
+            .or_else(|| too_steep(&[("exponent", self.exponent)]))
     }
 }
 
@@ -235,41 +156,15 @@ pub struct Tyre {
     pub slow_speed: f64,
 }
 
-impl ForceRecord for Tyre {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn bodies(&self) -> Vec<&str> {
-        vec![&self.body, &self.ground]
-    }
-    fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
-        vec![
-            ("center", &mut self.center),
-            ("radius", one(&mut self.radius)),
-            ("point", &mut self.point),
-            ("stiffness", one(&mut self.stiffness)),
-            ("damping", one(&mut self.damping)),
-            ("friction", one(&mut self.friction)),
-            ("longitudinal", one(&mut self.longitudinal)),
-            ("lateral", one(&mut self.lateral)),
-            ("slow_speed", one(&mut self.slow_speed)),
-        ]
-    }
-    fn fault(&self) -> Option<String> {
-        without_size(&[("radius", self.radius), ("slow_speed", self.slow_speed)])
-            .or_else(|| no_direction("axis", &self.axis))
-            .or_else(|| no_direction("normal", &self.normal))
-            .or_else(|| {
-                negative(&[
-                    ("stiffness", self.stiffness),
-                    ("damping", self.damping),
-                    ("friction", self.friction),
-                    ("longitudinal", self.longitudinal),
-                    ("lateral", self.lateral),
-                ])
-            })
-    }
-}
+properties! { Tyre {
+    bodies [body, ground]
+    numbers [center, radius, point, stiffness, damping, friction, longitudinal, lateral, slow_speed]
+    checks [
+        without_size(radius, slow_speed),
+        no_direction(axis, normal),
+        negative(stiffness, damping, friction, longitudinal, lateral)
+    ]
+} }
 
 /// A reading of a force law.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -348,14 +243,7 @@ pub struct Weightless {
     pub body: String,
 }
 
-impl ForceRecord for Weightless {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn bodies(&self) -> Vec<&str> {
-        vec![&self.body]
-    }
-}
+properties! { Weightless { bodies [body] } }
 
 /// Time-dependent gravity, in addition to the constant one.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -367,14 +255,4 @@ pub struct Gravity {
     pub value: VectorValue,
 }
 
-impl ForceRecord for Gravity {
-    fn name(&self) -> &str {
-        &self.name
-    }
-    fn values(&self) -> Vec<&Value> {
-        match &self.value {
-            VectorValue::Components(all) => all.iter().collect(),
-            VectorValue::Whole(one) => vec![one],
-        }
-    }
-}
+properties! { Gravity { values [value] } }

@@ -153,8 +153,8 @@ fn a_recorded_closing() {
         spec.drives.iter_mut().for_each(|d| plain(&mut d.motion));
         for f in &mut spec.forces {
             match f {
-                Force::Torque { value, .. } => plain(value),
-                Force::Force { value, .. } => *value = VectorValue::Whole(Value::Constant(1.0)),
+                Force::Torque(x) => plain(&mut x.value),
+                Force::Force(x) => x.value = VectorValue::Whole(Value::Constant(1.0)),
                 _ => {}
             }
         }

@@ -34,10 +34,10 @@ fn scaled(mut spec: Spec, s: f64) -> Model {
         j.child_point.iter_mut().for_each(by);
     }
     for f in &mut spec.forces {
-        if let Force::Spring { point1, point2, length, .. } = f {
-            by(point1);
-            by(point2);
-            *length *= s;
+        if let Force::Spring(x) = f {
+            by(&mut x.point1);
+            by(&mut x.point2);
+            x.length *= s;
         }
     }
     Drawing(spec).model()

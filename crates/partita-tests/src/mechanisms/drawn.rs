@@ -2,9 +2,9 @@
 
 use partita_math::spatial::{Mat3, Quaternion, Vec3};
 use partita_model::spec::{
-    Axes, Body, Bushing, Contact, Coupling, Cut, Drive, Force, Friction, GasSpring, Gravity, Joint, JointKind, Law,
-    Level, Measure, Rope, Sight, Spec, Spot, Stop, Table, Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE,
-    VERSION,
+    Axes, Body, Bushing, Contact, Coupling, Cut, Drive, Force, Friction, GasSpring, GasStrut, Gravity, Joint,
+    JointKind, Law, Level, Measure, PointForce, Rope, Sight, Spec, Spot, Spring, Stop, Table, Torque, TorsionSpring,
+    Tyre, Value, VectorValue, Weightless, DRAWING_TOLERANCE, VERSION,
 };
 
 pub fn between(rng: &mut fastrand::Rng, low: f64, high: f64) -> f64 {
@@ -177,14 +177,14 @@ pub fn drawing(rng: &mut fastrand::Rng, wishes: Wishes) -> Spec {
 
 fn torque(joint: &str, coordinate: usize, value: Value) -> Force {
     let (name, joint) = (format!("torque {joint}"), joint.to_string());
-    Force::Torque { name, joint, coordinate, value, over: None, periodic: false }
+    Force::Torque(Torque { name, joint, coordinate, value, over: None, periodic: false })
 }
 
 fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes) {
     for i in 0..rng.usize(1..4) {
         let a = rng.usize(0..=count);
         let b = (a + rng.usize(1..=count)) % (count + 1);
-        spec.forces.push(Force::Spring {
+        spec.forces.push(Force::Spring(Spring {
             name: format!("spring{i}"),
             body1: node_name(a),
             point1: point(rng, 0.5),
@@ -193,7 +193,7 @@ fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes
             stiffness: between(rng, 5.0, 30.0),
             damping: between(rng, 0.0, 1.0),
             length: between(rng, 0.2, 1.0),
-        });
+        }));
     }
     let components = [Value::Constant(1.5), Value::Function(1), Value::Constant(-2.0)];
     for (i, (value, axes)) in [
@@ -206,7 +206,8 @@ fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes
     {
         // in the plane forces stay in the plane only where it is level; out of it they are the joints' business
         let body = node_name(rng.usize(1..=count));
-        spec.forces.push(Force::Force { name: format!("force{i}"), body, point: point(rng, 0.5), value, axes });
+        let point = point(rng, 0.5);
+        spec.forces.push(Force::Force(PointForce { name: format!("force{i}"), body, point, value, axes }));
     }
     for j in spec.joints.clone() {
         let (motions, name) = (scalar_motions(&j), j.name.clone());
@@ -222,14 +223,14 @@ fn forces(rng: &mut fastrand::Rng, spec: &mut Spec, count: usize, wishes: Wishes
         if !wishes.bound || j.cut == Cut::Always {
             continue;
         }
-        spec.forces.push(Force::TorsionSpring {
+        spec.forces.push(Force::TorsionSpring(TorsionSpring {
             name: format!("torsion {name}"),
             joint: name.clone(),
             coordinate: rng.usize(0..motions),
             stiffness: between(rng, 1.0, 9.0),
             damping: between(rng, 0.0, 1.0),
             angle: 0.3,
-        });
+        }));
         if wishes.drives && spec.drives.is_empty() {
             let motion = Value::Function(0);
             spec.drives.push(Drive {
@@ -257,7 +258,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
     let axes =
         |name: &str| spec.bodies.iter().find(|b| b.name == name).map_or(Mat3::identity(), |b| Mat3(b.orientation));
     let frame2 = axes(&body2).transpose().mul(&axes(&body1)).mul(&frame1).0;
-    let mut all = vec![Force::Bushing(Box::new(Bushing {
+    let mut all = vec![Force::Bushing(Bushing {
         name: "bushing".into(),
         body1,
         point1: point(rng, 0.5),
@@ -265,9 +266,9 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         body2,
         point2: point(rng, 0.5),
         frame2,
-        stiffness: matrix(rng, 5.0),
-        damping: matrix(rng, 1.0),
-    }))];
+        stiffness: Box::new(matrix(rng, 5.0)),
+        damping: Box::new(matrix(rng, 1.0)),
+    })];
     let (body1, body2) = two(rng);
     all.push(Force::Contact(Contact {
         name: "on a plane".into(),
@@ -323,7 +324,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         lateral: 2.0,
         slow_speed: 0.5,
     }));
-    // taut everywhere
+    // taut everywhere, and at its stop
     all.push(Force::Rope(Rope {
         name: "rope".into(),
         body1: node_name(1),
@@ -334,6 +335,20 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         stiffness: 0.4,
         exponent: 1.5,
         damping: 0.05,
+    }));
+    all.push(Force::GasStrut(GasStrut {
+        name: "strut".into(),
+        body1: node_name(1),
+        point1: [0.1, 0.3, -0.2],
+        body2: node_name(0),
+        point2: [7.0, 6.0, -5.0],
+        force: 0.6,
+        progression: 1.4,
+        stroke: 3.0,
+        length: 4.0,
+        exponent: 1.3,
+        damping: 0.05,
+        end_stiffness: Some(0.3),
     }));
     let spots = [point(rng, 0.5), point(rng, 0.5)].map(|point| Spot { body: node_name(rng.usize(1..=count)), point });
     let mut sees = vec![Sight::Point(spots[0].clone()), Sight::Body(node_name(rng.usize(0..=count)))];

@@ -6,7 +6,7 @@ use partita_analysis::actuated::Actuated;
 use partita_analysis::inverse::{Actuator, Inverse};
 use partita_analysis::run::run;
 use partita_integrate::simulate::Status;
-use partita_model::spec::{Follows, Force, Friction, JointKind, Measure, Spec, Value};
+use partita_model::spec::{Follows, Force, Friction, JointKind, Measure, Spec, Spring, Torque, Value};
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::formulation::motion::Projective;
@@ -56,14 +56,14 @@ fn four_bar() -> Spec {
     pin(&mut spec, "coupler", "rocker", [3.1, 1.8, 0.0]);
     pin(&mut spec, "ground", "rocker", [2.2, 0.0, 0.0]);
     let name = "torque".to_string();
-    spec.forces.push(Force::Torque {
+    spec.forces.push(Force::Torque(Torque {
         name,
         joint: "pin0".into(),
         coordinate: 0,
         value: Value::Constant(1.0),
         over: None,
         periodic: false,
-    });
+    }));
     spec
 }
 
@@ -71,7 +71,7 @@ fn four_bar() -> Spec {
 fn in_space() -> Spec {
     let mut spec = crate::mechanisms::in_space();
     for (i, (a, b)) in [("ground", "body1"), ("body0", "body2")].into_iter().enumerate() {
-        spec.forces.push(Force::Spring {
+        spec.forces.push(Force::Spring(Spring {
             name: format!("spring{i}"),
             body1: a.into(),
             point1: [0.3, 0.2, 0.1],
@@ -80,7 +80,7 @@ fn in_space() -> Spec {
             stiffness: 20.0,
             damping: 0.5,
             length: 0.4,
-        });
+        }));
     }
     spec
 }

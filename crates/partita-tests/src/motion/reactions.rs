@@ -175,7 +175,7 @@ fn drawings_are_rich() {
                 (Some(_), false) => "tree",
             };
             seen.insert(format!("{:?} {role}", j.kind));
-            let loaded = model.spec.forces.iter().any(|f| matches!(f, Force::Torque { joint, .. } if *joint == j.name));
+            let loaded = model.spec.forces.iter().any(|f| matches!(f, Force::Torque(x) if x.joint == j.name));
             if loaded {
                 seen.insert(format!("{:?} {role} loaded", j.kind));
             }

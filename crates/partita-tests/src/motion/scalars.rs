@@ -11,7 +11,9 @@ use partita_model::clusters::Preference;
 use partita_model::coupling::{Contact, Law, Says};
 use partita_model::force::{Element, LoadLaw};
 use partita_model::measurement::Quantity;
-use partita_model::spec::{Coupling, Force, Friction, Gravity, JointKind, Spec, Table, Value, VectorValue};
+use partita_model::spec::{
+    Coupling, Force, Friction, Gravity, JointKind, PointForce, Spec, Table, Torque, Value, VectorValue,
+};
 use partita_model::value::{table_at, Functions, RELATION};
 use partita_model::zero_position::Coordinates;
 use partita_model::{Evaluator, Model};
@@ -83,9 +85,11 @@ fn with_tables(rng: &mut fastrand::Rng, spec: &mut Spec, all: bool) {
     }
     for f in &mut spec.forces {
         match f {
-            Force::Torque { value, .. } => swap(rng, value),
-            Force::Force { value: VectorValue::Components(v), .. } => v.iter_mut().for_each(|v| swap(rng, v)),
-            Force::Force { value: VectorValue::Whole(v), .. } => swap(rng, v),
+            Force::Torque(x) => swap(rng, &mut x.value),
+            Force::Force(PointForce { value: VectorValue::Components(v), .. }) => {
+                v.iter_mut().for_each(|v| swap(rng, v))
+            }
+            Force::Force(PointForce { value: VectorValue::Whole(v), .. }) => swap(rng, v),
             Force::Gravity(Gravity { value: VectorValue::Whole(v), .. }) => swap(rng, v),
             Force::Friction(Friction { held: Some(v), .. }) => swap(rng, v),
             _ => {}
@@ -139,7 +143,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                 Element::Force(_) => "force",
                 Element::Bushing(_) => "bushing",
                 Element::Contact(_) => "contact",
-                Element::Rope(_) => "rope",
+                Element::TwoPoint(e) => e.law.word(),
                 Element::Tyre(_) => "tyre",
                 Element::Law(_) => "law",
                 Element::Weightless(_) => "weightless",
@@ -183,7 +187,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
     for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {
         assert!(kinds.contains(&format!("{kind:?}")), "no {kind:?} joint was drawn");
     }
-    assert_eq!(elements.len(), if plain { 16 } else { 17 }, "{elements:?}");
+    assert_eq!(elements.len(), if plain { 17 } else { 18 }, "{elements:?}");
 }
 
 /// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
@@ -426,8 +430,10 @@ fn a_function_is_called_once_for_each_force() {
         let Ok(model) = Model::new(spec, counted.clone(), Coordinates::Relative) else { continue };
         let function = |v: &Value| usize::from(matches!(v, Value::Function(_)));
         let named = model.spec.forces.iter().map(|f| match f {
-            Force::Torque { value, .. } | Force::Force { value: VectorValue::Whole(value), .. } => function(value),
-            Force::Force { value: VectorValue::Components(v), .. } => v.iter().map(function).sum(),
+            Force::Torque(Torque { value, .. }) | Force::Force(PointForce { value: VectorValue::Whole(value), .. }) => {
+                function(value)
+            }
+            Force::Force(PointForce { value: VectorValue::Components(v), .. }) => v.iter().map(function).sum(),
             _ => 0,
         });
         let forces: usize = named.sum();
@@ -453,13 +459,13 @@ fn a_function_is_called_once_for_each_force() {
 fn a_function_cannot_be_recorded() {
     let mut rng = fastrand::Rng::with_seed(34);
     let mut spec = crate::mechanisms::in_space();
-    spec.forces.push(Force::Force {
+    spec.forces.push(Force::Force(PointForce {
         name: "push".into(),
         body: "body1".into(),
         point: [0.0; 3],
         value: VectorValue::Whole(Value::Function(0)),
         axes: Default::default(),
-    });
+    }));
     let model = Model::new(spec.clone(), Arc::new(OfState), Coordinates::Relative).unwrap();
     let refused = model.over::<Recorder>().err().unwrap();
     assert_eq!((refused.element, refused.name.as_str()), ("force", "push"));

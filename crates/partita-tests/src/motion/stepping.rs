@@ -4,7 +4,7 @@ use crate::counting::allocations;
 use crate::mechanisms::{body, empty, joint};
 use partita_analysis::run::{Request, Stepping};
 use partita_math::tolerance;
-use partita_model::spec::{Force, JointKind, Spec, Value};
+use partita_model::spec::{Force, JointKind, Spec, Torque, Value};
 use partita_model::value::Functions;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
@@ -65,14 +65,14 @@ fn five_bar() -> Spec {
         spec.joints.push(pin);
     }
     for (i, foot) in ["pin0", "pin4"].into_iter().enumerate() {
-        spec.forces.push(Force::Torque {
+        spec.forces.push(Force::Torque(Torque {
             name: format!("motor{i}"),
             joint: foot.into(),
             coordinate: 0,
             value: Value::Function(i),
             over: None,
             periodic: false,
-        });
+        }));
     }
     spec
 }

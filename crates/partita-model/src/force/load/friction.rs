@@ -2,7 +2,7 @@
 
 use super::{EffortArguments, Response, ScalarLaw};
 use crate::force::resistance::Slide;
-use crate::numbers::DescribedForce;
+use crate::numbers::Fields;
 use crate::spec;
 use crate::value::Source;
 use partita_math::scalar::Scalar;
@@ -45,9 +45,9 @@ pub struct Bearing<S> {
 }
 
 impl<S: Scalar> Friction<S> {
-    pub(super) fn new(x: &spec::Friction, n: &DescribedForce<S>) -> Self {
-        let mut levels = vec![Source::new(&x.dynamic, n.number("dynamic"))];
-        levels.extend(x.held.as_ref().map(|v| Source::new(v, n.number("static"))));
+    pub(super) fn new(x: &spec::Friction, n: &Fields<S>) -> Self {
+        let mut levels = vec![Source::new(&x.dynamic, n.field("dynamic").first())];
+        levels.extend(x.held.as_ref().map(|v| Source::new(v, n.field("static").first())));
         let follows = x.follows.as_ref().map(|f| {
             let given = |what: Option<f64>, field| what.map(|_| n.number(field));
             let coefficient = n.number("coefficient");

@@ -1,7 +1,7 @@
 //! A gas spring: a closed column of gas that changes its state polytropically.
 
 use super::{EffortArguments, Response, ScalarLaw};
-use crate::numbers::DescribedForce;
+use crate::numbers::Fields;
 use crate::spec;
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
@@ -20,7 +20,7 @@ pub struct GasSpring<S> {
 }
 
 impl<S: Scalar> GasSpring<S> {
-    pub(super) fn new(x: &spec::GasSpring, n: &DescribedForce<S>) -> Self {
+    pub(super) fn new(x: &spec::GasSpring, n: &Fields<S>) -> Self {
         let (force, length) = (n.number("force"), n.number("length"));
         Self { force, length: force.where_positive(length, -length), exponent: x.exponent }
     }

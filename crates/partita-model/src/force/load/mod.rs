@@ -24,8 +24,8 @@ use super::build::Maker;
 use super::{AppliedWrench, At, AttachmentPoint, Effect, ForceApplication, ForceScratch};
 use crate::error::DescriptionError;
 use crate::measurement::{Measurement, Quantity, Read};
-use crate::numbers::DescribedForce;
-use crate::spec::{Force, Value};
+use crate::numbers::Fields;
+use crate::spec::{Force, Torque, Value};
 use crate::value::{Instant, Source};
 use partita_math::scalar::{Cases, Functions, Scalar};
 use partita_math::spatial::Space;
@@ -110,13 +110,15 @@ impl LoadLaw<f64> {
 
 impl<S: Scalar> LoadLaw<S> {
     /// Of a force along a joint coordinate; `in_state`: one of the state.
-    fn new(force: &Force, n: &DescribedForce<S>, in_state: bool) -> Option<Self> {
+    fn new(force: &Force, n: &Fields<S>, in_state: bool) -> Option<Self> {
         Some(match force {
-            Force::TorsionSpring { damping, .. } => Self::SpringDamper(SpringDamper::new(n, *damping != 0.0)),
-            Force::Torque { value: Value::Table(curve), over: Some(_), periodic, .. } => {
+            Force::TorsionSpring(x) => Self::SpringDamper(SpringDamper::new(n, x.damping != 0.0)),
+            Force::Torque(Torque { value: Value::Table(curve), over: Some(_), periodic, .. }) => {
                 Self::Curve(Curve { curve: curve.clone(), periodic: *periodic })
             }
-            Force::Torque { value, .. } => Self::Effort(Effort { value: Source::new(value, n.value.0[0]), in_state }),
+            Force::Torque(x) => {
+                Self::Effort(Effort { value: Source::new(&x.value, n.field("value").first()), in_state })
+            }
             Force::Friction(x) => Self::Friction(Box::new(Friction::new(x, n))),
             Force::GasSpring(x) => Self::GasSpring(GasSpring::new(x, n)),
             Force::Stop(x) => Self::Stop(Box::new(Stop::new(x, n))),
@@ -312,14 +314,14 @@ impl<G: Space> Load<G> {
 
 impl<G: Space> Maker<'_, G> {
     /// The load of a force that acts along a joint coordinate.
-    pub(super) fn load(&self, force: &Force, n: &DescribedForce<G::S>) -> Result<Option<Load<G>>, DescriptionError> {
+    pub(super) fn load(&self, force: &Force, n: &Fields<G::S>) -> Result<Option<Load<G>>, DescriptionError> {
         let (name, Some((joint, coordinate))) = (force.name(), force.along()) else { return Ok(None) };
         let along = match force {
-            Force::Torque { .. } => self.measurements.effort(joint, coordinate, "force", name)?,
+            Force::Torque(_) => self.measurements.effort(joint, coordinate, "force", name)?,
             _ => self.measurements.joint(joint, coordinate, "force", name)?,
         };
         let over = match force {
-            Force::Torque { value: Value::Table(_), over: Some(over), .. } => {
+            Force::Torque(Torque { value: Value::Table(_), over: Some(over), .. }) => {
                 Some(Box::new(self.measurements.reading(over, "force", name)?))
             }
             _ => None,

@@ -2,7 +2,7 @@
 
 use super::{EffortArguments, Response, ScalarLaw};
 use crate::force::stored;
-use crate::numbers::DescribedForce;
+use crate::numbers::Fields;
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
 use partita_system::SystemError;
@@ -21,8 +21,8 @@ pub struct SpringDamper<S> {
 }
 
 impl<S: Scalar> SpringDamper<S> {
-    pub(super) fn new(n: &DescribedForce<S>, damped: bool) -> Self {
-        Self { stiffness: n.stiffness, damping: n.damping, free: n.rest, damped }
+    pub(super) fn new(n: &Fields<S>, damped: bool) -> Self {
+        Self { stiffness: n.number("stiffness"), damping: n.number("damping"), free: n.number("angle"), damped }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{EffortArguments, Response, ScalarLaw};
 use crate::force::resistance::Buffer;
-use crate::numbers::DescribedForce;
+use crate::numbers::Fields;
 use crate::spec;
 use partita_math::scalar::Scalar;
 use partita_math::tolerance;
@@ -23,7 +23,7 @@ pub struct Stop<S> {
 }
 
 impl<S: Scalar> Stop<S> {
-    pub(super) fn new(x: &spec::Stop, n: &DescribedForce<S>) -> Self {
+    pub(super) fn new(x: &spec::Stop, n: &Fields<S>) -> Self {
         let end = |given: Option<f64>, field| given.map(|_| n.number(field));
         let (lower, upper) = (end(x.lower, "lower"), end(x.upper, "upper"));
         let middle = match (lower, upper) {
