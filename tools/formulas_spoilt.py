@@ -311,8 +311,8 @@ FORMULAS = (
         "augmented-arm",
         "arm of a prohibited turn in the augmented joint coordinates (45)",
         f"{MODEL}/reaction/augmented.rs",
-        "z.axis.cross(self.com_now(s, node - 1) - point)",
-        "z.axis.cross(point - self.com_now(s, node - 1))",
+        "z.axis.cross(self.own.com_now(s.evaluated(), node - 1) - point)",
+        "z.axis.cross(point - self.own.com_now(s.evaluated(), node - 1))",
         ("whole motion::reactions",),
     ),
     Error(
@@ -384,8 +384,8 @@ FORMULAS = (
         "reach-of-a-slide",
         "the characteristic length is no measure of slides any more",
         f"{MODEL}/model/scales.rs",
-        "new.displacement[l.v] = placed.length;",
-        "new.displacement[l.v] = 1.0;",
+        "new.velocities[l.v].displacement = placed.length;",
+        "new.velocities[l.v].displacement = 1.0;",
         ("whole closing::scales",),
     ),
     Error(

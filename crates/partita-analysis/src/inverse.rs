@@ -326,7 +326,7 @@ impl Inverse {
         Ok(())
     }
 
-    /// |k_s|² of each actuator at the positions of the last `columns`, with all joints open.                (19)
+    /// |E_s|² of each actuator at the positions of the last `columns`, with all joints open.                (I2)
     pub(crate) fn lengths2(&self, t: f64, q: &[f64], memory: &mut InverseScratch) -> Result<Vec<f64>, SystemError> {
         self.actuated.equations().look(q, &memory.still, memory.scratch.equations());
         let length2 = |(lever, factors): (&Lever, &[f64; 3])| {
