@@ -718,7 +718,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Result.joint": (run.joint, {"name": "A"}),
         "Result.body": (run.body, {"name": "crank"}),
         "Result.sensor": (lambda name: sensed.sensor(name).values, {"name": "tip"}),
-        "Result.state": (lambda t: run.state(t).q, {"t": 0.005}),
+        "Result.state": (run.state, {"t": 0.005}),
         "Mechanism.stepper": (
             lambda **given: tip.stepper(**given).step().q,
             {
