@@ -249,8 +249,8 @@ def page() -> str:
     shared = [c for c in thresholds if c.where == SHARED]
     own = len(thresholds) - len(shared)
     count = (
-        f"{len(shared)} thresholds are shared, {own} belong to one algorithm; {len(settings)} are settings. The package "
-        f"in Python, with its pages, has {len(of_package())} more."
+        f"{len(shared)} thresholds are shared, {own} belong to one algorithm; {len(settings)} are settings. The "
+        f"package in Python, with its pages, has {len(of_package())} more."
     )
     lines = [count, "", "## Shared thresholds"]
     for group in dict.fromkeys(c.group for c in shared):
