@@ -33,6 +33,7 @@ def _six(call: Call, what: str, value: Any, units: list[str]) -> Array:
     return 0.5 * (full + full.T) if intended else full
 
 
+EFFORTS = ["N"] * 3 + ["N m"] * 3
 _SIX: dict[str, Any] = {"check": _six, "rule": {"$ref": "#/$defs/stiffness"}}
 BUSHING = Load(
     "bushing",
