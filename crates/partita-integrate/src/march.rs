@@ -456,7 +456,7 @@ impl March {
                 return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last });
             }
             *attempts -= 1;
-            let Some(end) = self.concluded(formulation)? else { continue };
+            let Some(end) = self.concluded(formulation, &mut last)? else { continue };
             if end.decision == StepDecision::Repeat {
                 self.repeat(formulation, None)?;
                 continue;
@@ -477,10 +477,14 @@ impl March {
         }
     }
 
-    /// Attempt and conclude the step under way; none where another attempt follows.
-    fn concluded(&mut self, formulation: &mut dyn Formulation) -> Result<Option<TrialEnd>, StepFailure<SystemError>> {
+    /// Attempt and conclude the step under way; none where another attempt follows, with the `last` reason.
+    fn concluded(
+        &mut self,
+        formulation: &mut dyn Formulation,
+        last: &mut Option<SystemError>,
+    ) -> Result<Option<TrialEnd>, StepFailure<SystemError>> {
         let (course, lengths) = (self.course, self.lengths);
-        let mut end = TrialEnd::undecided(StepDecision::Keep);
+        let (mut end, mut refused) = (TrialEnd::undecided(StepDecision::Keep), None);
         let attempted = self.attempt(formulation);
         let beyond = self.ends_beyond();
         let stepper = self.active();
@@ -489,11 +493,22 @@ impl March {
                 end = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
                     // no shorter step is allowed that could distinguish a jump from a drift
                     SystemError::Jump { .. } if lengths == Lengths::Fixed => RhsError::Fatal(e),
-                    e => sorted(e),
+                    e if e.is_local() => {
+                        refused = Some(e);
+                        RhsError::Retry(SystemError::NotFinite { what: "the end of a step".into(), t })
+                    }
+                    e => RhsError::Fatal(e),
                 })?;
                 Ok(end.evaluated)
             })
         });
+        let concluded = match (concluded, refused) {
+            (Err(StepFailure::TooSmall { t, h, .. }), Some(e)) => Err(StepFailure::TooSmall { t, h, last: Some(e) }),
+            (concluded, refused) => {
+                *last = refused.or(last.take());
+                concluded
+            }
+        };
         match concluded {
             Ok(Conclusion::Rejected) => return Ok(None),
             Ok(Conclusion::Done) => {}
