@@ -611,3 +611,30 @@ def test_a_stepper_that_is_reset_repeats_every_bit(coordinates: str) -> None:
     sim.reset(later)  # at another time, and elsewhere
     fresh = m.stepper(1e-3, coordinates=coordinates, initial=later)
     assert np.array_equal(go(sim, 60), go(fresh, 60))
+
+
+def bell(dt: float) -> Any:
+    """A rod that falls onto a stop, with a torque from a table over its angle."""
+    m = pt.Mechanism("bell")
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    m.add_stop("A", lower=-0.02, stiffness=1e5, name="rest")
+    m.add_torque("A", ([-4.0, -0.005, 4.0], [0.3, 0.3, 0.6]), over="A", name="spring")
+    return m.stepper(dt)
+
+
+def test_a_stop_beside_a_table_is_followed_from_the_first_tick() -> None:
+    one, many = bell(0.05), bell(0.0005)
+    one.step()
+    for _ in range(100):
+        many.step()
+    assert abs(one.state.q[0] - many.state.q[0]) < 1e-5
+
+
+def test_a_tick_that_leaves_a_table_names_it() -> None:
+    """A step too long for the stop throws the rod out of the table."""
+    s = bell(0.15)
+    before = s.state.q.copy()
+    with pytest.raises(ArgumentError, match=r"spring: its curve is evaluated at .*, outside \[-4, 4\]"):
+        s.step()
+    assert np.array_equal(s.state.q, before)

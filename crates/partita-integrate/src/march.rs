@@ -33,11 +33,13 @@ pub(crate) struct Adapter<'f> {
     /// What has to be known after an evaluation.
     pub(crate) depth: Depth,
     pub(crate) after: Option<After<'f>>,
+    /// Receives why a point could not be evaluated, where a shorter step is tried.
+    pub(crate) reason: Option<&'f mut Option<String>>,
 }
 
 impl<'f> Adapter<'f> {
     pub(crate) fn new(formulation: &'f mut dyn Formulation) -> Self {
-        Self { formulation, depth: Depth::Rates, after: None }
+        Self { formulation, depth: Depth::Rates, after: None, reason: None }
     }
 }
 
@@ -48,7 +50,13 @@ impl Ode for Adapter<'_> {
     }
     #[inline]
     fn rhs(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), RhsError<SystemError>> {
-        self.formulation.rates(t, y, dy, self.depth).map_err(sorted)?;
+        if let Err(e) = self.formulation.rates(t, y, dy, self.depth) {
+            // of a position another message tells what to do
+            if let Some(reason) = self.reason.as_mut().filter(|_| !is_of_a_position(&e)) {
+                **reason = Some(e.to_string());
+            }
+            return Err(sorted(e));
+        }
         if let Some(after) = &mut self.after {
             after(t, self.formulation);
         }
@@ -155,6 +163,8 @@ pub struct March {
     output: Output,
     /// Error that what acts abruptly may add to a step, relative to the velocities, and absolute, in natural sizes.
     tolerance: (f64, f64),
+    /// Why the last point that could not be evaluated could not.
+    reason: Option<String>,
     /// The steps taken.
     log: StepLog,
 }
@@ -217,6 +227,7 @@ impl March {
             slope: vec![0.0; dim],
             output: Output { turns: vec![0; nq], ..Output::default() },
             tolerance,
+            reason: None,
             log: StepLog::default(),
         })
     }
@@ -297,13 +308,14 @@ impl March {
                     track.end(t, |out| formulation.point().readings(t, out));
                 }
             };
-            let mut ode = Adapter { formulation, depth: Depth::Levels, after: Some(&mut first) };
+            let after: Option<After> = Some(&mut first);
+            let mut ode = Adapter { depth: Depth::Levels, after, ..Adapter::new(formulation) };
             self.stepper.start(&mut ode, self.t, &self.y, t_end)?;
             self.watches.accept_start(&self.track);
         } else {
             self.stepper.start(&mut Adapter::new(formulation), self.t, &self.y, t_end)?;
         }
-        (self.course, self.proposed) = (Course::Along, self.stepper.current().next);
+        (self.course, self.proposed, self.reason) = (Course::Along, self.stepper.current().next, None);
         match self.lengths {
             Lengths::Controlled => self.commit(formulation, StepDecision::Begin, Findings::default()),
             Lengths::Fixed => Ok(()),
@@ -340,7 +352,8 @@ impl March {
     fn attempt(&mut self, formulation: &mut dyn Formulation) -> Result<(), StepFailure<SystemError>> {
         self.located.forget();
         if self.course == Course::Along {
-            return self.stepper.attempt(&mut Adapter::new(formulation));
+            let reason = Some(&mut self.reason);
+            return self.stepper.attempt(&mut Adapter { reason, ..Adapter::new(formulation) });
         }
         let attempted = self.crossing.attempt(&mut Adapter::new(formulation));
         // one that was not exact enough tells where the position is, too
@@ -452,8 +465,13 @@ impl March {
         let mut last = None;
         loop {
             if *attempts == 0 {
-                let step = self.stepper.current();
-                return Err(StepFailure::TooSmall { t: step.t_old, h: step.next, last });
+                let (t, h) = (self.stepper.current().t_old, self.stepper.current().next);
+                let why = || {
+                    let reason = self.reason.take()?;
+                    Some(SystemError::argument("dt", format!("the step at t = {t} cannot be taken: {reason}")))
+                };
+                let last = last.or_else(why);
+                return Err(StepFailure::TooSmall { t, h, last });
             }
             *attempts -= 1;
             let Some(end) = self.concluded(formulation, &mut last)? else { continue };

@@ -112,7 +112,7 @@ impl StepView<'_> {
                 formulation.point().readings(t, out);
             });
         };
-        let mut ode = Adapter { formulation: self.formulation, depth: Depth::Levels, after: Some(&mut look) };
+        let mut ode = Adapter { depth: Depth::Levels, after: Some(&mut look), ..Adapter::new(self.formulation) };
         self.stepper.interpolate(&mut ode, t, self.state)?;
         let point = self.formulation.point();
         point.evaluate(t, self.state).map_err(|error| StepFailure::Rhs { t, error })?;
