@@ -139,23 +139,23 @@ impl Actuated {
             Err(SystemError::Singular { .. }) => start::choose_partition(r, t, q, None, None)?,
             other => other?,
         }
-        actuation::reduced(&r.dt, k, self.memory.columns.iter().map(Vec::as_slice), &mut self.b);
+        actuation::reduced(&r.at.dt, k, self.memory.columns.iter().map(Vec::as_slice), &mut self.b);
         self.factor(t)?;
         let r = &mut self.memory.reduction;
         // Bᵀ u = w: B times a row of R is a row of Dᵀ
         let (scales, n) = (r.scales(), self.drift.len());
-        for (j, (row, &i)) in self.sides.chunks_exact_mut(n).zip(&r.partition.independent).enumerate() {
-            row.iter_mut().zip(r.dt[j..].iter().step_by(k)).for_each(|(x, d)| *x = d * scales[i]);
+        for (j, (row, &i)) in self.sides.chunks_exact_mut(n).zip(&r.planned.partition.independent).enumerate() {
+            row.iter_mut().zip(r.at.dt[j..].iter().step_by(k)).for_each(|(x, d)| *x = d * scales[i]);
         }
         dense::lu_solve_many(&self.b, k, &self.pivots, &mut self.sides, n);
         for (j, (row, length)) in self.sides.chunks_exact(n).zip(&self.lengths).enumerate() {
             self.ratios[j..].iter_mut().step_by(k).zip(row).for_each(|(x, side)| *x = side / length);
         }
-        r.v.copy_from_slice(v);
+        r.at.v.copy_from_slice(v);
         r.velocity(t, q)?;
         self.accelerate(t, q, v)?;
         let r = &mut self.memory.reduction;
-        for ((x, delta), row) in self.drift.iter_mut().zip(&r.delta).zip(self.ratios.chunks_exact(k)) {
+        for ((x, delta), row) in self.drift.iter_mut().zip(&r.at.delta).zip(self.ratios.chunks_exact(k)) {
             *x = delta + dense::dot(row, &self.column);
         }
         let tangent = Tangent { k, dt: &self.ratios, delta: &self.drift };
@@ -172,7 +172,7 @@ impl Actuated {
         } else {
             inverse.biases((t, q, v), &mut self.memory, &mut self.rows, &mut self.column)?;
         }
-        let delta = &self.memory.reduction.delta;
+        let delta = &self.memory.reduction.at.delta;
         for (x, column) in self.column.iter_mut().zip(&self.memory.columns) {
             *x = column.iter().fold(-*x, |x, &(i, e)| x - e * delta[i]);
         }
@@ -184,7 +184,7 @@ impl Actuated {
         let (all, k) = (self.all, self.pivots.len());
         let r = &mut self.memory.reduction;
         for attempt in 0..2 {
-            for (x, &i) in self.sides.iter_mut().zip(&r.partition.independent) {
+            for (x, &i) in self.sides.iter_mut().zip(&r.planned.partition.independent) {
                 *x = v[i];
             }
             match r.evaluate(t, q, &self.sides[..all]) {
@@ -195,13 +195,13 @@ impl Actuated {
                 }
             }
         }
-        actuation::reduced(&r.dt, all, self.memory.columns.iter().map(Vec::as_slice), &mut self.b);
+        actuation::reduced(&r.at.dt, all, self.memory.columns.iter().map(Vec::as_slice), &mut self.b);
         self.accelerate(t, q, v)?;
         let r = &self.memory.reduction;
         // M_d⁻¹ B, column by column
         for (j, side) in self.sides.chunks_exact_mut(all).take(k).enumerate() {
             side.iter_mut().zip(self.b[j..].iter().step_by(k)).for_each(|(x, b)| *x = *b);
-            dense::cholesky_solve(&r.md_factor, all, side);
+            dense::cholesky_solve(&r.at.md_factor, all, side);
         }
         for (i, side) in self.sides.chunks_exact(all).take(k).enumerate() {
             for j in 0..k {
@@ -215,7 +215,7 @@ impl Actuated {
         }
         // c = S⁻¹ (Bᵀ u' for w' = 0 − Bᵀ u' without efforts)
         for (i, c) in self.bias.iter_mut().enumerate() {
-            let free: f64 = r.vdot_independent.iter().zip(self.b[i..].iter().step_by(k)).map(|(x, b)| x * b).sum();
+            let free: f64 = r.at.vdot_independent.iter().zip(self.b[i..].iter().step_by(k)).map(|(x, b)| x * b).sum();
             *c = (self.column[i] - free) / self.lengths[i];
         }
         dense::cholesky_solve(&self.responses, k, &mut self.bias);
@@ -226,14 +226,15 @@ impl Actuated {
             dense::cholesky_solve(&self.responses, k, row);
             row.iter_mut().zip(&self.lengths).for_each(|(x, length)| *x /= length * self.lengths[i]);
         }
-        for (l, d) in r.dt.chunks_exact(all).enumerate() {
+        for (l, d) in r.at.dt.chunks_exact(all).enumerate() {
             for (x, side) in self.column.iter_mut().zip(self.sides.chunks_exact(all)) {
                 *x = dense::dot(d, side);
             }
             for (j, x) in self.ratios[l * k..(l + 1) * k].iter_mut().enumerate() {
                 *x = (0..k).map(|i| self.column[i] * self.mass[i * k + j]).sum();
             }
-            self.drift[l] = r.delta[l] + dense::dot(d, &r.vdot_independent) + dense::dot(&self.column, &self.bias);
+            self.drift[l] =
+                r.at.delta[l] + dense::dot(d, &r.at.vdot_independent) + dense::dot(&self.column, &self.bias);
         }
         Ok(())
     }
@@ -281,7 +282,7 @@ impl Actuated {
     fn factor(&mut self, t: f64) -> Result<(), AnalysisError> {
         let k = self.pivots.len();
         let r = &self.memory.reduction;
-        for (row, &i) in self.b.chunks_exact_mut(k).zip(&r.partition.independent) {
+        for (row, &i) in self.b.chunks_exact_mut(k).zip(&r.planned.partition.independent) {
             row.iter_mut().zip(&self.lengths).for_each(|(x, length)| *x *= r.scales()[i] / length);
         }
         // at least as large as the margin where the coordinates are good

@@ -114,7 +114,7 @@ pub fn at<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], v: Option<&[f64]>
     levels.position(t, q)?;
     let all: Vec<usize> = (0..size.rows).collect();
     let c = dense_rows(system, &levels.c, &all);
-    let split = Split::new(t, &r.partition, &c)?;
+    let split = Split::new(t, &r.planned.partition, &c)?;
     let eta = split.offset(&levels.a);
     let v = v.map_or_else(|| split.spread(&vec![0.0; r.k()], &eta), <[f64]>::to_vec);
     levels.velocity(t, q, &v)?;

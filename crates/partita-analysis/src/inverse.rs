@@ -343,17 +343,18 @@ impl Inverse {
         let lengths2 = self.lengths2(t, q, memory)?;
         let r = &mut memory.reduction;
         let k = r.k();
-        r.system.velocity(t, q, &memory.still, &mut r.scratch, &mut r.b)?;
-        let tangent = Tangent { k, dt: &r.dt, delta: &memory.still };
+        r.system.velocity(t, q, &memory.still, &mut r.scratch, &mut r.at.b)?;
+        let tangent = Tangent { k, dt: &r.at.dt, delta: &memory.still };
         r.system.project(t, q, &memory.still, &tangent, &mut r.scratch, &mut memory.md, &mut memory.hd)?;
-        let d: Vec<Vec<f64>> = (0..k).map(|c| (0..memory.still.len()).map(|i| r.dt[i * k + c]).collect()).collect();
+        let d: Vec<Vec<f64>> = (0..k).map(|c| (0..memory.still.len()).map(|i| r.at.dt[i * k + c]).collect()).collect();
         self.freed.add_lacking(self.actuated.equations(), q, &d, memory.scratch.equations(), &mut memory.md);
         let mut b = Matrix::new(k, memory.columns.len());
-        actuation::reduced(&r.dt, k, memory.columns.iter().map(Vec::as_slice), b.data_mut());
+        actuation::reduced(&r.at.dt, k, memory.columns.iter().map(Vec::as_slice), b.data_mut());
         Ok(Actuation::new(b, &memory.md, &lengths2).map_err(|e| match e {
-            Some((i, pivot)) => {
-                SystemError::Mass { name: r.system.structure().velocity_name(r.partition.independent[i]), pivot }
-            }
+            Some((i, pivot)) => SystemError::Mass {
+                name: r.system.structure().velocity_name(r.planned.partition.independent[i]),
+                pivot,
+            },
             None => SystemError::NotFinite { what: "the effect of the actuators".into(), t },
         })?)
     }
@@ -435,7 +436,7 @@ impl Inverse {
             let mut along = |vdot: &[f64]| {
                 r.system.inverse_dynamics(t, q, v, vdot, &mut r.scratch, &mut memory.residual)?;
                 let mut sum = vec![0.0; k];
-                memory.residual.iter().zip(r.dt.chunks_exact(k)).for_each(|(x, d)| dense::axpy(*x, d, &mut sum));
+                memory.residual.iter().zip(r.at.dt.chunks_exact(k)).for_each(|(x, d)| dense::axpy(*x, d, &mut sum));
                 Ok::<_, SystemError>(sum)
             };
             let (applied, mut needed) = (along(&memory.still)?, along(vdot)?);
@@ -453,7 +454,7 @@ impl Inverse {
                 factor::cholesky_large(&mut l, k).map_err(overflow)?;
                 dense::cholesky_solve(&l, k, &mut du);
                 let moved = out.row(9, i);
-                moved.iter_mut().zip(r.dt.chunks_exact(k)).for_each(|(x, d)| *x += dense::dot(d, &du));
+                moved.iter_mut().zip(r.at.dt.chunks_exact(k)).for_each(|(x, d)| *x += dense::dot(d, &du));
                 needed = along(moved)?;
             }
             out.row(0, i).copy_from_slice(&tau);
@@ -489,7 +490,7 @@ impl Inverse {
         for (column, tau) in memory.columns.iter().zip(tau) {
             column.iter().for_each(|&(i, e)| memory.residual[i] -= e * tau);
         }
-        let partition = &memory.reduction.partition;
+        let partition = &memory.reduction.planned.partition;
         let mut lambda: Vec<f64> = partition.dependent.iter().map(|&i| memory.residual[i]).collect();
         memory.reduction.solve_transposed(&mut lambda);
         partition.rows.iter().zip(lambda).for_each(|(&row, x)| out[self.rows[row]] = x);
@@ -503,7 +504,7 @@ impl Inverse {
         out: &mut [f64],
     ) -> Result<(), SystemError> {
         let r = &mut memory.reduction;
-        r.v.copy_from_slice(v);
+        r.at.v.copy_from_slice(v);
         r.velocity(t, q)?;
         let (fastest, strongest) = (r.fastest(), r.strongest(vdot));
         let part = |gap: (f64, usize), of: f64| [if of > tolerance::STANDING { gap.0 / of } else { 0.0 }, gap.1 as f64];

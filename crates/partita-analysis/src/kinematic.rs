@@ -144,7 +144,7 @@ impl<'g, 'm> RateScratch<'g, 'm> {
         let (n, k) = (self.scales.len(), r.k());
         self.base.clear();
         for j in 0..k {
-            let mut x: Vec<f64> = (0..n).map(|i| r.dt[i * k + j] / self.scales[i]).collect();
+            let mut x: Vec<f64> = (0..n).map(|i| r.at.dt[i * k + j] / self.scales[i]).collect();
             for _ in 0..2 {
                 for other in &self.base {
                     let part = dense::dot(&x, other);
@@ -244,7 +244,7 @@ impl<'g, 'm> RateScratch<'g, 'm> {
             return Ok((Determined::Singular, margin, none));
         }
         let still = vec![0.0; w];
-        let mut v = self.reduction.gamma.clone();
+        let mut v = self.reduction.at.gamma.clone();
         if let Some(f) = &f {
             let missing = self.missing(rates, &still, &v);
             self.solve(f, &missing, &mut v);
@@ -260,9 +260,9 @@ impl<'g, 'm> RateScratch<'g, 'm> {
         if let Some(missed) = self.missed(&self.missing(rates, &still, &v), rates, &v) {
             return Ok((Determined::Contradiction, margin, missed));
         }
-        self.reduction.v.copy_from_slice(&v);
+        self.reduction.at.v.copy_from_slice(&v);
         self.reduction.velocity(t, q)?;
-        let mut vdot = self.reduction.delta.clone();
+        let mut vdot = self.reduction.at.delta.clone();
         let zero = vec![0.0; v.len()];
         let mut bias = vec![0.0; w];
         for ((bias, x), dof) in bias.iter_mut().zip(self.targets).zip(&mut self.dofs) {

@@ -194,9 +194,9 @@ fn accelerates<S: ConstrainedSystem + Varied>(system: &S, solved: &Solved<S>, fo
     let sizes = sizes(system, found);
     // accelerations that an ordinary displacement would cause, or single forces
     let mut single: Vec<f64> = (0..r.k())
-        .map(|j| (0..solved.forces.len()).map(|l| (r.dt[l * r.k() + j] * solved.forces[l]).abs()).sum())
+        .map(|j| (0..solved.forces.len()).map(|l| (r.at.dt[l * r.k() + j] * solved.forces[l]).abs()).sum())
         .collect();
-    dense::cholesky_solve(&r.md_factor, r.k(), &mut single);
+    dense::cholesky_solve(&r.at.md_factor, r.k(), &mut single);
     let ordinary = (kz..n).fold(0.0, |m: f64, i| {
         let single = single.get(i - kz).map_or(0.0, |x| x.abs() / sizes[i]);
         (0..kz).fold(m.max(single), |m: f64, j| m.max((found.a[(i, j)] * sizes[j] / sizes[i]).abs()))
@@ -230,7 +230,7 @@ fn persists<S: ConstrainedSystem + Varied>(
     // the fastest motion, and what forces and the drives accelerate by themselves
     let size = |i: usize| system.structure().displacement(i);
     let strongest = (0..v.len()).fold(fastest * fastest, |m: f64, i| m.max(solved.vdot[i].abs() / size(i)));
-    Ok(solved.reduction.partition.independent.iter().all(|&i| {
+    Ok(solved.reduction.planned.partition.independent.iter().all(|&i| {
         let grown = (ahead.vdot[i] - behind.vdot[i]).abs() / (2.0 * h);
         grown <= tolerance::OPEN * size(i) * strongest * fastest
     }))
@@ -258,7 +258,7 @@ fn lasts(
     let strongest = (0..v.len()).fold(0.0, |m: f64, i| m.max(solved.vdot[i].abs() / model.structure().displacement(i)));
     let exact = found.derivatives == Derivatives::Exact;
     let bound = largest.max(strongest) * if exact { tolerance::CLOSED_IN_RUN } else { tolerance::OPEN };
-    let independent = Some(&*solved.reduction.partition.independent);
+    let independent = Some(&*solved.reduction.planned.partition.independent);
     for later in LATER.iter().flat_map(|x| [x * natural, *x]) {
         let there = match Solved::new(solved.reduction.system.clone(), (t + later, q, v), independent) {
             Ok(there) => there,
@@ -317,7 +317,7 @@ fn beside<'s, S: ConstrainedSystem + Varied>(
     let (mut q, along) = (q.to_vec(), v.iter().map(|v| h * v).collect::<Vec<_>>());
     system.step(&mut q, &along);
     let v: Vec<f64> = v.iter().zip(&solved.vdot).map(|(v, a)| v + h * a).collect();
-    let independent = Some(&*solved.reduction.partition.independent);
+    let independent = Some(&*solved.reduction.planned.partition.independent);
     Solved::new(system.clone(), (t + h, &q, &v), independent).map_err(|e| state_error(&**system, e))
 }
 

@@ -190,7 +190,7 @@ impl Matrices {
         let mut rho = vec![0.0; n];
         r.measure(0.0, &q, &mut rho)?;
         let quality = r.quality(0.0, &q)?;
-        Ok(Chosen { split: Split::new(0.0, &r.partition, &self.0.equations.c)?, rho, quality })
+        Ok(Chosen { split: Split::new(0.0, &r.planned.partition, &self.0.equations.c)?, rho, quality })
     }
 
     /// Lengths, metrics and projectors; of redundant rows only those kept by the partition are used.

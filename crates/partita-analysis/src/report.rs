@@ -172,7 +172,7 @@ fn measured(model: &Model, t: f64, q: &[f64], mobility: usize) -> Result<Option<
     let mut rho = vec![0.0; model.size().nv];
     r.measure(t, q, &mut rho)?;
     let quality = r.quality(t, q)?;
-    let (independent, scales) = (r.partition.independent.clone(), r.scales().to_vec());
+    let (independent, scales) = (r.planned.partition.independent.clone(), r.scales().to_vec());
     Ok(Some(Measured { rho, independent, scales, sigma: quality.sigma, sqrt_mu: quality.sqrt_mu }))
 }
 

@@ -5,6 +5,7 @@
 //! two steps: constraint errors are projected away, the independent coordinates may change, events are located. It
 //! knows first-order equations `y' = f(t, y)` only; mechanisms enter through [`ode::Ode`].
 
+mod adapter;
 pub mod collocation;
 mod combination;
 pub mod counters;

@@ -7,6 +7,7 @@ use outputs::OUTPUTS_BESIDE;
 pub use outputs::{Outputs, Sink};
 pub use replay::StepReader;
 
+use crate::adapter::{Adapter, After};
 use crate::counters::Counters;
 use crate::crossing_step::CrossingStep;
 use crate::failure::StepFailure;
@@ -23,54 +24,6 @@ use partita_system::formulation::{Step, StepDecision, TrialEnd};
 use partita_system::record::Output;
 use partita_system::SystemError;
 use std::ops::ControlFlow;
-
-/// What is done after each evaluation at a time.
-type After<'a> = &'a mut dyn FnMut(f64, &mut dyn Formulation);
-
-/// A formulation as the equation of a stepper.
-pub(crate) struct Adapter<'f> {
-    pub(crate) formulation: &'f mut dyn Formulation,
-    /// What has to be known after an evaluation.
-    pub(crate) depth: Depth,
-    pub(crate) after: Option<After<'f>>,
-    /// Receives why a point could not be evaluated, where a shorter step is tried.
-    pub(crate) reason: Option<&'f mut Option<String>>,
-}
-
-impl<'f> Adapter<'f> {
-    pub(crate) fn new(formulation: &'f mut dyn Formulation) -> Self {
-        Self { formulation, depth: Depth::Rates, after: None, reason: None }
-    }
-}
-
-impl Ode for Adapter<'_> {
-    type Error = SystemError;
-    fn dim(&self) -> usize {
-        self.formulation.layout().dim()
-    }
-    #[inline]
-    fn rhs(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), RhsError<SystemError>> {
-        if let Err(e) = self.formulation.rates(t, y, dy, self.depth) {
-            // of a position another message tells what to do
-            if let Some(reason) = self.reason.as_mut().filter(|_| !is_of_a_position(&e)) {
-                **reason = Some(e.to_string());
-            }
-            return Err(sorted(e));
-        }
-        if let Some(after) = &mut self.after {
-            after(t, self.formulation);
-        }
-        Ok(())
-    }
-}
-
-fn sorted(e: SystemError) -> RhsError<SystemError> {
-    if e.is_local() {
-        RhsError::Retry(e)
-    } else {
-        RhsError::Fatal(e)
-    }
-}
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,17 +60,6 @@ impl Status {
             Self::EvaluationFailed => "evaluation-failed",
         }
     }
-}
-
-/// Whether the failure is due to a position rather than a function.
-pub(crate) fn is_of_a_position(e: &SystemError) -> bool {
-    matches!(
-        e,
-        SystemError::Singular { .. }
-            | SystemError::DeadPoint { .. }
-            | SystemError::Limit { .. }
-            | SystemError::Crossing { .. }
-    )
 }
 
 /// How steps are taken.

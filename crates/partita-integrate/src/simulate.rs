@@ -1,9 +1,10 @@
 //! A run from its start to its end, and how it ended.
 
+use crate::adapter::is_of_a_position;
 use crate::counters::Counters;
 use crate::failure::StepFailure;
 pub use crate::march::Status;
-use crate::march::{is_of_a_position, Control, March, Outputs};
+use crate::march::{Control, March, Outputs};
 use crate::method::Method;
 use crate::options::Options;
 use crate::step_log::StepLog;

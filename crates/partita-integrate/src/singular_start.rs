@@ -101,7 +101,7 @@ impl<'a, 's, S: ConstrainedSystem> OnBranch<'a, 's, S> {
         self.shift.clear();
         self.shift.extend(q.iter().zip(y).map(|(q, p)| q - p));
         self.r.evaluate(t, &q, &y[nq..work])?;
-        self.v.push(self.r.v.clone());
+        self.v.push(self.r.at.v.clone());
         self.r.rates(t, &q, dy)
     }
 }
@@ -109,7 +109,7 @@ impl<'a, 's, S: ConstrainedSystem> OnBranch<'a, 's, S> {
 impl<S: ConstrainedSystem> Ode for OnBranch<'_, '_, S> {
     type Error = SystemError;
     fn dim(&self) -> usize {
-        self.r.system.size().nq + self.r.partition.independent.len() + 1
+        self.r.system.size().nq + self.r.planned.partition.independent.len() + 1
     }
     fn rhs(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), RhsError<SystemError>> {
         self.rates(t, y, dy).map_err(|e| match e {
@@ -132,7 +132,7 @@ fn tolerances<S: ConstrainedSystem>(r: &Reduction<S>, speed: f64, h: f64, tolera
         }
     }
     let of_u = |&i: &usize| speed * tolerance * system.structure().displacement(i);
-    of.extend(r.partition.independent.iter().map(of_u));
+    of.extend(r.planned.partition.independent.iter().map(of_u));
     of.push(f64::INFINITY);
     of
 }
@@ -229,7 +229,7 @@ fn attempt<'s, S: ConstrainedSystem>(
         }
     }
     choose_partition(&mut r, t_probe, &probe, None, None)?;
-    let independent = r.partition.independent.clone();
+    let independent = r.planned.partition.independent.clone();
     let u0: Vec<f64> = independent.iter().map(|&i| v[i]).collect();
     r.evaluate(t_probe, &probe, &u0)?;
     let mut first = vec![0.0; v.len()];
@@ -343,7 +343,7 @@ fn attempt<'s, S: ConstrainedSystem>(
     r.tangent(t_end)?;
     let distance = r.distance().0;
     r.spread(&u_end);
-    let v_end = r.v.clone();
+    let v_end = r.at.v.clone();
     if system_move(&*system, q, &q_end) < LEAST_START_MOVE {
         return Ok(Err(format!("it is still next to the position after {h:.1e} s")));
     }
@@ -398,7 +398,7 @@ impl<S: ConstrainedSystem> SingularStep<'_, S> {
             return Ok(());
         }
         let x = (t - t0) / self.h;
-        let u0: Vec<f64> = self.r.partition.independent.iter().map(|&i| v0[i]).collect();
+        let u0: Vec<f64> = self.r.planned.partition.independent.iter().map(|&i| v0[i]).collect();
         let mut y: Vec<f64> = q0.iter().chain(&u0).copied().chain([0.0]).collect();
         self.stages.advance(x, &mut y);
         let (mut q, u, work) = (y[..q0.len()].to_vec(), &y[q0.len()..y.len() - 1], y[y.len() - 1]);
@@ -411,7 +411,7 @@ impl<S: ConstrainedSystem> SingularStep<'_, S> {
         match regular {
             true => {
                 self.r.spread(u);
-                out.set(t, &closed, &self.r.v, work);
+                out.set(t, &closed, &self.r.at.v, work);
             }
             false => out.set(t, &q, &v, work),
         }

@@ -198,7 +198,7 @@ impl<'m> Inputs<'m> {
         if named.len() < dof {
             let weights: Vec<f64> = (0..size.nv).map(|i| if named.contains(&i) { TAKEN_FIRST } else { 1.0 }).collect();
             start::choose_partition(&mut reduction, t, q, Some(&weights), None)?;
-            independent.clone_from(&reduction.partition.independent);
+            independent.clone_from(&reduction.planned.partition.independent);
         }
         // refuses by name those that do not determine the others
         start::choose_partition(&mut reduction, t, q, None, Some(&independent))?;
@@ -212,14 +212,14 @@ impl<'m> Inputs<'m> {
 
     /// Column of a named velocity among the independent ones.
     fn columns(&self) -> Vec<usize> {
-        let independent = &self.reduction.partition.independent;
+        let independent = &self.reduction.planned.partition.independent;
         self.named.iter().filter_map(|i| independent.iter().position(|x| x == i)).collect()
     }
 
     /// Positions from positions.
     fn closing(&self, name: &str, from: &str, (to, wanted): (&str, &[usize])) -> Result<CFunction, SystemError> {
         let nq = self.model.size().nq;
-        let closing = self.model.loop_closing(self.t, self.q, Some(&self.reduction.partition.independent))?;
+        let closing = self.model.loop_closing(self.t, self.q, Some(&self.reduction.planned.partition.independent))?;
         let n = self.named.len();
         // where nothing has a closed form, one iteration is written once
         let iterates = closing.blocks().iter().all(|b| !b.explicit);

@@ -77,7 +77,7 @@ pub fn acceleration<'py, S: ConstrainedSystem>(
 ) -> PyResult<(Array<'py>, Array<'py>)> {
     let compute = || -> Result<_, SystemError> {
         let mut r = chosen(system, t, q)?;
-        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+        let speeds: Vec<f64> = r.planned.partition.independent.iter().map(|&i| v[i]).collect();
         r.evaluate(t, q, &speeds)?;
         let size = system.size();
         let (mut vdot, mut lambda) = (vec![0.0; size.nv], vec![0.0; size.rows]);

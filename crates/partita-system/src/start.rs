@@ -29,7 +29,7 @@ pub struct Start {
 /// Rank at the last position; rows that are nearly zero as a whole are ignored.
 fn rank_at_last<S: ConstrainedSystem>(r: &Reduction<S>) -> RowRank {
     let pattern = r.system.pattern();
-    let mut c = r.c.clone();
+    let mut c = r.at.c.clone();
     let mut weakest: f64 = 1.0;
     for i in 0..pattern.rows {
         match r.strength(i) {
@@ -154,14 +154,14 @@ fn counted<S: ConstrainedSystem>(
         start.gap = start.smallest / strongest;
     }
     if (0..is_kept.len()).any(drive) {
-        let (pattern, c) = (system.pattern(), probe.c.clone());
-        (0..is_kept.len()).filter(|&i| !is_kept[i] && !drive(i)).for_each(|i| probe.c[pattern.row(i)].fill(0.0));
+        let (pattern, c) = (system.pattern(), probe.at.c.clone());
+        (0..is_kept.len()).filter(|&i| !is_kept[i] && !drive(i)).for_each(|i| probe.at.c[pattern.row(i)].fill(0.0));
         let with_drives = by_sizes(probe, tolerance::REDUNDANT, (0.0, &drive));
         with_drives.kept.iter().zip(&with_drives.pivots).filter(|x| drive(*x.0)).for_each(|(&i, &pivot)| {
             is_kept[i] = true;
             start.smallest = start.smallest.min(pivot);
         });
-        probe.c = c;
+        probe.at.c = c;
     }
     start.rank = is_kept.iter().filter(|x| **x).count();
     start.dropped = (0..is_kept.len()).filter(|&i| !is_kept[i]).collect();
@@ -244,7 +244,7 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
             NEXT_DOOR
                 * sign
                 * (1.0 + 0.37 * (j as f64).sin())
-                * system.structure().displacement(r.partition.independent[j])
+                * system.structure().displacement(r.planned.partition.independent[j])
         })
         .collect();
     let mut near = q.to_vec();
@@ -255,15 +255,15 @@ fn check_neighbour<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], start: &
     if part > tolerance::OPEN {
         return Err(r.contradiction(t, row, part, ""));
     }
-    r.gamma.fill(0.0);
+    r.at.gamma.fill(0.0);
     r.spread(&move_independent);
-    system.step(&mut near, &r.v.clone());
+    system.step(&mut near, &r.at.v.clone());
     if !all_closed(&mut r, t, &mut near)? {
         return Ok(());
     }
     r.refresh_scales(t, &near)?;
-    let part = |i: usize| r.phi[i].abs() / system.structure().rows[i].size();
-    let closure_error = start.dropped.iter().filter(|&&i| i < r.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
+    let part = |i: usize| r.at.phi[i].abs() / system.structure().rows[i].size();
+    let closure_error = start.dropped.iter().filter(|&&i| i < r.at.phi.len()).fold(0.0, |m: f64, &i| m.max(part(i)));
     let there = rank_at_last(&r);
     if there.rank > start.rank || closure_error > tolerance::CLOSED_IN_RUN {
         return Err(singular(system, (t, q), start, there.rank.max(start.rank + 1))?);
@@ -350,7 +350,7 @@ pub fn choose_partition<S: ConstrainedSystem>(
                 "the coordinates {} cannot be independent here: they do not determine the others (C_D is singular), \
                  although the mechanism is not singular; {} would serve",
                 names(&sorted),
-                names(&r.partition.independent)
+                names(&r.planned.partition.independent)
             ),
             ));
         }
@@ -372,7 +372,7 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
         return Ok(());
     }
     let evaluate = |r: &mut Reduction<S>| {
-        r.v.fill(0.0);
+        r.at.v.fill(0.0);
         r.velocity(t, q)?;
         r.acceleration(t, q)
     };
@@ -386,11 +386,11 @@ pub fn choose_with_threshold<S: ConstrainedSystem>(
     }
     let chosen = match r.by_clusters() {
         true => r.choose_by_clusters(weights)?,
-        false => criterion::choose(&r.dt, r.k(), &r.md_factor, &r.s2, weights),
+        false => criterion::choose(&r.at.dt, r.k(), &r.at.md_factor, &r.scale.s2, weights),
     };
     // P5 is a factorisation of a good basis: its choice is admissible up to rounding
     if r.set_partition(t, &chosen).is_err() {
-        let first = r.partition.independent.clone();
+        let first = r.planned.partition.independent.clone();
         r.set_partition(t, &first)?;
     }
     r.tangent(t)?;
@@ -414,8 +414,8 @@ fn switch_to_best<S: ConstrainedSystem>(
         if pairs.is_empty() {
             break;
         }
-        let mut next = r.partition.independent.clone();
-        pairs.iter().for_each(|x| next[x.leaves] = r.partition.dependent[x.enters]);
+        let mut next = r.planned.partition.independent.clone();
+        pairs.iter().for_each(|x| next[x.leaves] = r.planned.partition.dependent[x.enters]);
         next.sort_unstable();
         r.set_partition(t, &next)?;
         r.tangent(t)?;

@@ -123,14 +123,14 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         let found = start::analyse(&*system, t, q)?;
         let mut r = Reduction::dense(system.clone(), found.rank);
         start::choose_partition(&mut r, t, q, None, independent)?;
-        let u: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+        let u: Vec<f64> = r.planned.partition.independent.iter().map(|&i| v[i]).collect();
         r.evaluate(t, q, &u)?;
         // D holds the given velocities to what the constraints say
         let slowest = |i: usize| system.structure().displacement(i);
         let fastest = (0..v.len()).fold(1.0, |m: f64, i| m.max(v[i].abs() / slowest(i)));
-        if (0..v.len()).any(|i| (r.v[i] - v[i]).abs() > tolerance::OPEN * fastest * slowest(i)) {
+        if (0..v.len()).any(|i| (r.at.v[i] - v[i]).abs() > tolerance::OPEN * fastest * slowest(i)) {
             let pattern = system.pattern();
-            let rate = |i: usize| r.a[i] + pattern.row(i).map(|e| r.c[e] * v[pattern.col_idx[e]]).sum::<f64>();
+            let rate = |i: usize| r.at.a[i] + pattern.row(i).map(|e| r.at.c[e] * v[pattern.col_idx[e]]).sum::<f64>();
             let of = |i: usize| (rate(i) / system.structure().rows[i].size()).abs();
             let worst = (0..pattern.rows).max_by(|&a, &b| of(a).total_cmp(&of(b))).unwrap_or(0);
             return Err(StateError::Inconsistent { row: worst, rate: rate(worst) });
@@ -140,7 +140,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         r.full_acceleration(&mut vdot);
         r.multipliers(t, q, &vdot, &mut multipliers)?;
         let mut forces = vec![0.0; size.nv];
-        system.inverse_dynamics(t, q, &r.v, &vec![0.0; size.nv], &mut r.scratch, &mut forces)?;
+        system.inverse_dynamics(t, q, &r.at.v, &vec![0.0; size.nv], &mut r.scratch, &mut forces)?;
         forces.iter_mut().for_each(|x| *x = -*x);
         let positions = Self::positions(&r, &found, t, q)?;
         Ok(Self { reduction: r, positions, t, q: q.to_vec(), vdot, multipliers, forces })
@@ -155,14 +155,14 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         q: &[f64],
     ) -> Result<Option<Reduction<'s, S>>, SystemError> {
         let holonomic = r.size().holonomic;
-        if r.partition.rows.iter().all(|&i| i < holonomic) {
+        if r.planned.partition.rows.iter().all(|&i| i < holonomic) {
             return Ok(None);
         }
         let rows: Vec<usize> = (0..holonomic).filter(|i| !found.dropped.contains(i)).collect();
         let mut own = Reduction::dense(r.system.clone(), rows.len()).keeping(&rows);
         own.position(t, q)?;
         own.refresh_scales(t, q)?;
-        own.plan_dependent(t, &r.partition.dependent)?;
+        own.plan_dependent(t, &r.planned.partition.dependent)?;
         own.tangent(t)?;
         Ok(Some(own))
     }
@@ -174,10 +174,10 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
 
     /// G x for rows x of all constraints.
     fn lift(r: &Reduction<'s, S>, x: &[f64], out: &mut [f64]) {
-        let mut kept: Vec<f64> = r.partition.rows.iter().map(|&i| x[i]).collect();
+        let mut kept: Vec<f64> = r.planned.partition.rows.iter().map(|&i| x[i]).collect();
         r.solve(&mut kept, 1);
         out.fill(0.0);
-        for (x, &i) in kept.iter().zip(&r.partition.dependent) {
+        for (x, &i) in kept.iter().zip(&r.planned.partition.dependent) {
             out[i] = *x;
         }
     }
@@ -191,8 +191,8 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         let (r, system) = (&self.reduction, &*self.reduction.system);
         let (n, rows, ku) = (r.size().nv, r.size().rows, r.k());
         let displacing = self.displacing();
-        let (kz, positions) = (displacing.k(), &displacing.partition.independent);
-        if let Some(d) = driven.iter().find(|d| !r.partition.rows.contains(&d.row)) {
+        let (kz, positions) = (displacing.k(), &displacing.planned.partition.independent);
+        if let Some(d) = driven.iter().find(|d| !r.planned.partition.rows.contains(&d.row)) {
             let message = format!(
                 "{} repeats other conditions here, so that it moves nothing alone",
                 system.structure().rows[d.row].description
@@ -205,12 +205,12 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         let (first_rate, states) = (kz + kp, kz + kp + ku + kr);
         let first_drive = states + efforts.len() / n.max(1);
         let count = first_drive + kr;
-        let at = At { t: self.t, q: &self.q, v: &r.v, vdot: &self.vdot, multipliers: &self.multipliers };
+        let at = At { t: self.t, q: &self.q, v: &r.at.v, vdot: &self.vdot, multipliers: &self.multipliers };
         let (mut dq, mut dv, mut dvdot) = (vec![0.0; count * n], vec![0.0; count * n], vec![0.0; count * n]);
         let mut changes = Changes::new(rows, n, count);
         for i in 0..n {
-            (0..kz).for_each(|j| dq[j * n + i] = displacing.dt[i * kz + j]);
-            (0..ku).for_each(|j| dv[(first_rate + j) * n + i] = r.dt[i * ku + j]);
+            (0..kz).for_each(|j| dq[j * n + i] = displacing.at.dt[i * kz + j]);
+            (0..ku).for_each(|j| dv[(first_rate + j) * n + i] = r.at.dt[i * ku + j]);
         }
         let mut unit = vec![0.0; rows];
         let mut moved = |r: &Reduction<'s, S>, row: usize, out: &mut [f64]| {
@@ -251,14 +251,14 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
         for j in 0..count {
             let change = &changes.forces[j * n..(j + 1) * n];
             for i in 0..ku {
-                force[(i, j)] = (0..n).map(|l| r.dt[l * ku + i] * change[l]).sum::<f64>();
+                force[(i, j)] = (0..n).map(|l| r.at.dt[l * ku + i] * change[l]).sum::<f64>();
                 du[i] = -force[(i, j)];
             }
-            dense::cholesky_solve(&r.md_factor, ku, &mut du);
+            dense::cholesky_solve(&r.at.md_factor, ku, &mut du);
             let (to, column) = if j < states { (&mut a, j) } else { (&mut b, j - states) };
             du.iter().enumerate().for_each(|(i, x)| to[(first_rate + i, column)] = *x);
             for l in 0..n {
-                dvdot[j * n + l] += (0..ku).map(|i| r.dt[l * ku + i] * du[i]).sum::<f64>();
+                dvdot[j * n + l] += (0..ku).map(|i| r.at.dt[l * ku + i] * du[i]).sum::<f64>();
             }
         }
         for j in 0..states {
@@ -289,14 +289,14 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
             m
         };
         let rate = |row: &usize| driven.iter().find(|d| d.row == *row).map_or(0.0, |d| d.rate);
-        let f0 = (positions.iter().map(|&i| r.v[i]))
+        let f0 = (positions.iter().map(|&i| r.at.v[i]))
             .chain(held.iter().map(rate))
-            .chain(r.vdot_independent.iter().copied())
+            .chain(r.at.vdot_independent.iter().copied())
             .chain(driven.iter().map(|d| d.acceleration))
             .collect();
         Ok(FirstOrder {
             positions: positions.clone(),
-            velocities: r.partition.independent.clone(),
+            velocities: r.planned.partition.independent.clone(),
             displacements: by_columns(&dq, first_rate),
             rates: by_columns(&dv, states),
             accelerations: by_columns(&dvdot, count),
@@ -304,7 +304,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
             a,
             b,
             f0,
-            mass: Matrix::from_vec(ku, ku, r.md.clone()),
+            mass: Matrix::from_vec(ku, ku, r.at.md.clone()),
             stiffness: part(0, kz),
             damping: part(first_rate, ku),
             driven_positions: held,
@@ -317,7 +317,7 @@ impl<'s, S: ConstrainedSystem + Varied> Solved<'s, S> {
     ///
     /// `ζ' = dω − ω × ζ`
     fn rate_of(&self, dq: &[f64], dv: &[f64]) -> Vec<f64> {
-        let (system, v) = (&*self.reduction.system, &self.reduction.v);
+        let (system, v) = (&*self.reduction.system, &self.reduction.at.v);
         let mut out = dv.to_vec();
         let mut i = 0;
         while i < out.len() {

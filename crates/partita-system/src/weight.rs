@@ -29,13 +29,13 @@ pub fn unfelt<S: ConstrainedSystem>(
     r.first_partition(t, q)?;
     let k = r.k();
     let rest = vec![0.0; n];
-    r.system.velocity(t, q, &rest, &mut r.scratch, &mut r.b)?;
+    r.system.velocity(t, q, &rest, &mut r.scratch, &mut r.at.b)?;
     let (mut md, mut hd) = (vec![0.0; k * k], vec![0.0; k]);
-    let tangent = Tangent { k, dt: &r.dt, delta: &rest };
+    let tangent = Tangent { k, dt: &r.at.dt, delta: &rest };
     r.system.project(t, q, &rest, &tangent, &mut r.scratch, &mut md, &mut hd)?;
     let mut more = Matrix::new(n, n);
     r.system.add_metric(&mut r.scratch, more.data_mut());
-    let d = Matrix::from_vec(n, k, r.dt.clone());
+    let d = Matrix::from_vec(n, k, r.at.dt.clone());
     let more = between(&d, &more);
     // motions that share neither mass nor what it lacks are examined apart
     let mut least: Option<(f64, Vec<usize>, Vec<f64>)> = None;

@@ -145,14 +145,14 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
         let size = r.size();
         let (n, k) = (size.nv, r.k());
         let (rest, mut residual) = (vec![0.0; n], vec![0.0; n]);
-        r.v.fill(0.0);
+        r.at.v.fill(0.0);
         r.velocity(self.t, q)?;
         let system = r.system.clone();
         system.inverse_dynamics(self.t, q, &rest, &rest, &mut r.scratch, &mut residual)?;
         let (mut work, mut multipliers) = (vec![0.0; r.rank()], vec![0.0; size.rows]);
         r.multipliers_of(&residual, &mut work, &mut multipliers); // C_Dᵀ λ = (−h)_D
         let mut dq = vec![0.0; n * k];
-        (0..n).for_each(|i| (0..k).for_each(|j| dq[j * n + i] = r.dt[i * k + j]));
+        (0..n).for_each(|i| (0..k).for_each(|j| dq[j * n + i] = r.at.dt[i * k + j]));
         let none = vec![0.0; n * k];
         let mut changes = Changes::new(size.rows, n, k);
         let at = At { t: self.t, q, v: &rest, vdot: &rest, multipliers: &multipliers };
@@ -160,14 +160,14 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
         let (mut stiffness, mut metric) = (Matrix::new(k, k), vec![0.0; k * k]);
         for i in 0..k {
             for j in 0..k {
-                let of = |l: usize| r.dt[l * k + i];
+                let of = |l: usize| r.at.dt[l * k + i];
                 stiffness[(i, j)] = (0..n).map(|l| of(l) * changes.forces[j * n + l]).sum();
-                metric[i * k + j] = (0..n).map(|l| of(l) * r.dt[l * k + j] / self.displacement[l].powi(2)).sum();
+                metric[i * k + j] = (0..n).map(|l| of(l) * r.at.dt[l * k + j] / self.displacement[l].powi(2)).sum();
             }
         }
-        let sum = |f: &dyn Fn(f64) -> f64, i: usize| (0..n).map(|l| f(-r.dt[l * k + i] * residual[l])).sum::<f64>();
+        let sum = |f: &dyn Fn(f64) -> f64, i: usize| (0..n).map(|l| f(-r.at.dt[l * k + i] * residual[l])).sum::<f64>();
         dense::cholesky(&mut metric, k).map_err(|e| SystemError::Mass {
-            name: r.system.structure().velocity_name(r.partition.independent[e.index]),
+            name: r.system.structure().velocity_name(r.planned.partition.independent[e.index]),
             pivot: e.pivot,
         })?;
         let mut here = Here {
@@ -177,8 +177,8 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
             factor: metric,
             stiffness,
             multipliers,
-            independent: r.partition.independent.clone(),
-            dt: r.dt.clone(),
+            independent: r.planned.partition.independent.clone(),
+            dt: r.at.dt.clone(),
             residual,
         };
         let mut along = here.force.clone();
@@ -193,10 +193,10 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
         if !r.system.structure().rheonomic {
             return None;
         }
-        let mut growth: Vec<f64> = r.partition.rows.iter().map(|&i| -r.b[i]).collect();
+        let mut growth: Vec<f64> = r.planned.partition.rows.iter().map(|&i| -r.at.b[i]).collect();
         r.solve(&mut growth, 1);
         let size = |(i, x): &(usize, f64)| (x / self.displacement[*i]).abs();
-        let each = r.partition.dependent.iter().copied().zip(growth).filter(|(_, x)| *x != 0.0);
+        let each = r.planned.partition.dependent.iter().copied().zip(growth).filter(|(_, x)| *x != 0.0);
         each.max_by(|a, b| size(a).total_cmp(&size(b)))
     }
 
@@ -213,11 +213,11 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
         forces.iter_mut().zip(&here.residual).for_each(|(x, y)| *x -= y);
         for (i, lambda) in here.multipliers.iter().enumerate() {
             for e in pattern.row(i) {
-                forces[pattern.col_idx[e]] -= (c[e] - r.c[e]) * lambda;
+                forces[pattern.col_idx[e]] -= (c[e] - r.at.c[e]) * lambda;
             }
         }
-        let closing = |i: &usize| if *i < size.holonomic { phi[*i] - r.phi[*i] } else { 0.0 };
-        Ok((r.partition.rows.iter().map(closing).collect(), forces))
+        let closing = |i: &usize| if *i < size.holonomic { phi[*i] - r.at.phi[*i] } else { 0.0 };
+        Ok((r.planned.partition.rows.iter().map(closing).collect(), forces))
     }
 
     /// Changes per unit of a number, by central differences between the equations a `step` ahead and behind, after
@@ -240,14 +240,14 @@ impl<'s, S: ConstrainedSystem + Varied> Rest<'s, S> {
         let mut displacement = vec![0.0; n];
         if closing.iter().any(|x| *x != 0.0) {
             r.solve(&mut closing, 1);
-            closing.iter().zip(&r.partition.dependent).for_each(|(x, &i)| displacement[i] = -x);
+            closing.iter().zip(&r.planned.partition.dependent).for_each(|(x, &i)| displacement[i] = -x);
             let none = vec![0.0; n];
             let mut changes = Changes::new(size.rows, n, 1);
             let at = At { t: self.t, q, v: &none, vdot: &none, multipliers: &here.multipliers };
             r.system.vary(&at, &Directions { count: 1, q: &displacement, v: &none, vdot: &none }, &mut changes)?;
             forces.iter_mut().zip(&changes.forces).for_each(|(x, y)| *x += y);
         }
-        let force = (0..k).map(|i| (0..n).map(|l| r.dt[l * k + i] * forces[l]).sum()).collect();
+        let force = (0..k).map(|i| (0..n).map(|l| r.at.dt[l * k + i] * forces[l]).sum()).collect();
         Ok(ByNumber { displacement, force })
     }
 }

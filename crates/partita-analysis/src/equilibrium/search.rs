@@ -272,14 +272,14 @@ fn search(model: &Model, t: f64, q: &[f64], stable: bool, known: &[Vec<f64>]) ->
 
 /// Refuse drives that move.
 fn at_rest<S: ConstrainedSystem + Varied>(rest: &Rest<S>) -> Result<(), AnalysisError> {
-    let rate = |i: usize| (rest.reduction.gamma[i] / rest.displacement[i]).abs();
+    let rate = |i: usize| (rest.reduction.at.gamma[i] / rest.displacement[i]).abs();
     let fastest = (0..rest.displacement.len()).max_by(|&a, &b| rate(a).total_cmp(&rate(b)));
-    if let Some(i) = fastest.filter(|&i| rest.reduction.gamma[i] != 0.0) {
+    if let Some(i) = fastest.filter(|&i| rest.reduction.at.gamma[i] != 0.0) {
         let message = format!(
             "drives move at t = {} s: {} at {:.3e} per second; an equilibrium needs a time at which they rest",
             rest.t,
             rest.reduction.system.structure().velocities[i].name,
-            rest.reduction.gamma[i]
+            rest.reduction.at.gamma[i]
         );
         return Err(AnalysisError::Argument { argument: "t", message });
     }

@@ -47,7 +47,7 @@ pub(super) fn see<S: ConstrainedSystem>(
                 "the initial state violates the constraints: {} has a closure error of {}; start from the state \
                  that assemble() returns",
                 system.structure().rows[row].name,
-                formatted(r.phi[row].abs())
+                formatted(r.at.phi[row].abs())
             ),
         });
     }
@@ -57,17 +57,17 @@ pub(super) fn see<S: ConstrainedSystem>(
         findings.push(format!(
             "{} has a closure error of {}",
             system.structure().rows[row].name,
-            formatted(r.phi[row].abs())
+            formatted(r.at.phi[row].abs())
         ));
     }
     let pattern = system.pattern();
-    let residuals = velocity_residuals(pattern, &r.c, v, &r.a);
+    let residuals = velocity_residuals(pattern, &r.at.c, v, &r.at.a);
     let mut worst = (0.0, 0, 0.0);
     for (i, x) in residuals.enumerate() {
-        let (mut sum, mut arm) = (r.a[i].abs(), 0.0f64);
+        let (mut sum, mut arm) = (r.at.a[i].abs(), 0.0f64);
         for e in pattern.row(i) {
-            sum += (r.c[e] * v[pattern.col_idx[e]]).abs();
-            arm = arm.max(r.c[e].abs() * system.structure().displacement(pattern.col_idx[e]));
+            sum += (r.at.c[e] * v[pattern.col_idx[e]]).abs();
+            arm = arm.max(r.at.c[e].abs() * system.structure().displacement(pattern.col_idx[e]));
         }
         if x.abs() > tolerance::RATES_MET * sum && x.abs() > tolerance::STANDING * arm && x.abs() / sum > worst.0 {
             worst = (x.abs() / sum, i, x.abs());

@@ -1,6 +1,7 @@
 //! Outputs of a march at requested times: on the dense output, and next to singular positions.
 
-use super::{is_of_a_position, Adapter, March};
+use super::March;
+use crate::adapter::{is_of_a_position, Adapter};
 use crate::failure::StepFailure;
 use crate::stepper::Stepper;
 use partita_math::tolerance;

@@ -1,8 +1,8 @@
 //! A concluded step, as watches see it.
 
 use super::Track;
+use crate::adapter::Adapter;
 use crate::failure::StepFailure;
-use crate::march::Adapter;
 use crate::stepper::Stepper;
 use partita_math::tolerance;
 use partita_system::formulation::{Course, Depth, Formulation, TrialEnd};

@@ -88,16 +88,19 @@ fn by_switches(at: &Instant, t: f64, q: &[f64], k: usize, graph: &Graph, mut bud
     let mut r = Reduction::dense(model, model.size().nv - k);
     start::choose_partition(&mut r, t, q, None, None).ok()?;
     let laws = TreeLaw::all(model, graph);
-    let mut best = (implicit_count(model, graph, &laws, &r.partition.independent), r.partition.independent.clone());
+    let mut best = (
+        implicit_count(model, graph, &laws, &r.planned.partition.independent),
+        r.planned.partition.independent.clone(),
+    );
     while best.0 > 0 && budget > 0 {
         let mut better = None;
-        'search: for (i, &enters) in r.partition.dependent.iter().enumerate() {
-            for (j, &leaves) in r.partition.independent.iter().enumerate() {
-                let gain = r.a_matrix[i * k + j].abs() * r.scales()[leaves] / r.scales()[enters];
+        'search: for (i, &enters) in r.planned.partition.dependent.iter().enumerate() {
+            for (j, &leaves) in r.planned.partition.independent.iter().enumerate() {
+                let gain = r.at.a_matrix[i * k + j].abs() * r.scales()[leaves] / r.scales()[enters];
                 if gain.is_nan() || gain < tolerance::WEAK_CHOICE {
                     continue;
                 }
-                let mut next = r.partition.independent.clone();
+                let mut next = r.planned.partition.independent.clone();
                 next[j] = enters;
                 next.sort_unstable();
                 let count = implicit_count(model, graph, &laws, &next);

@@ -68,7 +68,7 @@ impl<'e, E: Equations> UserClosing<'e, E> {
             ));
         }
         let m = unknown.len();
-        let rows = r.partition.rows.clone();
+        let rows = r.planned.partition.rows.clone();
         let block = Block { rows, words: format!("closing function for {}", words(&unknown)), unknown, explicit: true };
         let mut new = Self {
             user_system,

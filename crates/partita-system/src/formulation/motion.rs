@@ -205,7 +205,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if !self.prescribed.is_empty() {
             self.tangent.full_acceleration(&mut self.vdot);
             let beside = self.layout.beside;
-            let v = &self.tangent.seen().v;
+            let v = &self.tangent.seen().at.v;
             self.prescribed.rates(&self.system, self.positions.q(), v, &self.vdot, &mut dy[beside..]);
         }
         Ok(())
@@ -225,9 +225,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let r = self.tangent.seen();
         let serves = r.is_dense() || r.k() > DESCRIBED_AS_ONE;
         serves
-            && r.plans > 0
+            && r.counts.plans > 0
             && r.rank() == r.size().rows
-            && self.tangent.independent(within) == Some(&r.partition.independent)
+            && self.tangent.independent(within) == Some(&r.planned.partition.independent)
     }
 }
 
@@ -240,7 +240,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
     }
     fn readings(&mut self, t: f64, out: &mut [Reading]) -> f64 {
         let r = self.tangent.reduction();
-        r.system.readings(t, self.positions.q(), &r.v, &mut r.scratch, out);
+        r.system.readings(t, self.positions.q(), &r.at.v, &mut r.scratch, out);
         r.fastest()
     }
     fn side(&mut self, t: f64, y: &[f64]) -> Option<Side> {
@@ -268,7 +268,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
         self.standing = Standing::Elsewhere;
         let r = self.tangent.reduction();
         r.position(at.t, &at.q)?;
-        r.v.copy_from_slice(&at.v);
+        r.at.v.copy_from_slice(&at.v);
         let found = self.output_gaps(at.t);
         let accepted = found.position.part <= within.0 && found.velocity.part <= within.1;
         if accepted {
@@ -343,7 +343,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         }
         self.tangent.settle(t, self.positions.q(), u)?;
         self.tangent.spread(u);
-        out.set(t, self.positions.q(), &self.tangent.seen().v, self.work(y));
+        out.set(t, self.positions.q(), &self.tangent.seen().at.v, self.work(y));
         self.system.normalise(&mut out.q);
         out.choice = self.tangent.base().events().len().saturating_sub(1);
         out.basis = self.tangent.unlisted_basis();
@@ -361,7 +361,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
         if self.has_levels_of(within) {
             // an evaluation like any other: nothing is chosen anew
             self.standing = Standing::Elsewhere;
-            let choice = self.tangent.seen().partition.independent.clone();
+            let choice = self.tangent.seen().planned.partition.independent.clone();
             return instant::describe(self.tangent.reduction(), at, Some(&choice), out).map(drop);
         }
         let r = self.describer.describe(at, self.tangent.independent(within), out)?;

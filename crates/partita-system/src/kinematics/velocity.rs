@@ -60,7 +60,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
     r.tangent(t)?;
     let zero = vec![0.0; k];
     r.spread(&zero);
-    let gamma = r.v.clone(); // [0; η]
+    let gamma = r.at.v.clone(); // [0; η]
     let (system, met) = (r.system.clone(), met(r));
     let failed = |got: &[f64]| {
         let words: Vec<String> = rates
@@ -89,21 +89,21 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
         let off = rates.iter().zip(&got).any(|(&(_, w), g)| (w - g).abs() > met * (1.0 + w.abs()));
         return if off { Err(failed(&got)) } else { unlocked(&*r.system, t, &named(&*r.system, rates), fastest, v) };
     }
-    r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.b)?;
+    r.system.velocity(t, q, &gamma, &mut r.scratch, &mut r.at.b)?;
     let n = gamma.len();
     let (mut md, mut with, mut without) = (vec![0.0; k * k], vec![0.0; k], vec![0.0; k]);
     let none = vec![0.0; n];
-    let tangent = Tangent { k, dt: &r.dt, delta: &none };
+    let tangent = Tangent { k, dt: &r.at.dt, delta: &none };
     r.system.project(t, q, &gamma, &tangent, &mut r.scratch, &mut md, &mut without)?;
-    let tangent = Tangent { k, dt: &r.dt, delta: &gamma };
+    let tangent = Tangent { k, dt: &r.at.dt, delta: &gamma };
     r.system.project(t, q, &gamma, &tangent, &mut r.scratch, &mut md, &mut with)?;
     // D M [0; η] - D M near
     let mut g: Vec<f64> = without.iter().zip(&with).map(|(a, b)| a - b).collect();
     for (i, p) in momentum.iter().enumerate() {
-        g.iter_mut().zip(&r.dt[i * k..(i + 1) * k]).for_each(|(g, d)| *g -= d * p);
+        g.iter_mut().zip(&r.at.dt[i * k..(i + 1) * k]).for_each(|(g, d)| *g -= d * p);
     }
     dense::cholesky(&mut md, k).map_err(|e| SystemError::Mass {
-        name: r.system.structure().velocity_name(r.partition.independent[e.index]),
+        name: r.system.structure().velocity_name(r.planned.partition.independent[e.index]),
         pivot: e.pivot,
     })?;
     // with v_I = L⁻ᵀ y the energy is ½|y + L⁻¹g|² + const: least norm of y' = y + L⁻¹ g under T L⁻ᵀ y' = w
@@ -114,7 +114,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
         let (mut want, mut length) = (vec![0.0; rates.len()], vec![1.0; rates.len()]);
         for (i, &(vi, rate)) in rates.iter().enumerate() {
             let row = rows.row_mut(i);
-            row.copy_from_slice(&r.dt[vi * k..(vi + 1) * k]);
+            row.copy_from_slice(&r.at.dt[vi * k..(vi + 1) * k]);
             dense::cholesky_forward(&md, k, row); // row of T L⁻ᵀ
             want[i] = rate - gamma[vi] + dense::dot(row, &g);
             length[i] = dense::dot(row, row).sqrt();
@@ -147,7 +147,7 @@ pub fn pushed_with_rates<S: ConstrainedSystem>(
     }
     dense::cholesky_backward(&md, k, &mut y);
     r.spread(&y);
-    unlocked(&*r.system, t, &named(&*r.system, rates), fastest, r.v.clone())
+    unlocked(&*r.system, t, &named(&*r.system, rates), fastest, r.at.v.clone())
 }
 
 /// M v.
@@ -166,7 +166,7 @@ pub fn momentum<S: ConstrainedSystem>(
         return Ok(none);
     }
     r.position(t, q)?;
-    r.system.velocity(t, q, &none, &mut r.scratch, &mut r.b)?;
+    r.system.velocity(t, q, &none, &mut r.scratch, &mut r.at.b)?;
     r.system.inverse_dynamics(t, q, &none, v, &mut r.scratch, &mut with)?;
     r.system.inverse_dynamics(t, q, &none, &none, &mut r.scratch, &mut without)?;
     with.iter_mut().zip(&without).for_each(|(x, y)| *x -= y);

@@ -63,17 +63,17 @@ pub fn orthogonal_step<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[
     let size = r.size();
     let n = size.nv;
     // nonholonomic rows have no position to correct
-    let rows: Vec<usize> = r.partition.rows.iter().copied().filter(|&i| i < size.holonomic).collect();
+    let rows: Vec<usize> = r.planned.partition.rows.iter().copied().filter(|&i| i < size.holonomic).collect();
     let zero = vec![0.0; n];
     if rows.is_empty() {
         return Ok(zero);
     }
-    r.system.velocity(t, q, &zero, &mut r.scratch, &mut r.b)?;
+    r.system.velocity(t, q, &zero, &mut r.scratch, &mut r.at.b)?;
     let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
     r.system.dynamics(t, q, &zero, &mut r.scratch, &mut mass, &mut h)?;
-    let c = dense_rows(&*r.system, &r.c, &rows);
+    let c = dense_rows(&*r.system, &r.at.c, &rows);
     r.system.add_metric(&mut r.scratch, &mut mass);
     let p = MassProjection::new(&*r.system, t, &mass, &c)?;
-    let x: Vec<f64> = rows.iter().map(|&i| r.phi[i]).collect();
+    let x: Vec<f64> = rows.iter().map(|&i| r.at.phi[i]).collect();
     Ok(p.correction(&x))
 }

@@ -153,10 +153,10 @@ fn the_partition_keeps_independent_coordinates_and_least_changes_are_the_nearest
     let found = every_step(&system, &closed, far);
     let mut r = Reduction::new(&system, 2);
     r.first_partition(0.0, &closed).unwrap();
-    let kept = r.partition.independent[0];
+    let kept = r.planned.partition.independent[0];
     assert_eq!(found[0].1[kept].to_bits(), start[kept].to_bits());
     // moves are perpendicular to the tangent in their metric, but for the curvature over the move
-    let tangent: Vec<f64> = (0..3).map(|i| r.dt[i]).collect();
+    let tangent: Vec<f64> = (0..3).map(|i| r.at.dt[i]).collect();
     for (which, metric) in [(1, [1.0, 1.3, 1.6]), (2, [1.0; 3]), (3, [1.0; 3])] {
         let along: f64 = (0..3).map(|i| metric[i] * tangent[i] * (found[which].1[i] - start[i])).sum();
         assert!(along.abs() < 100.0 * far * far, "{}: {along:e}", found[which].0);

@@ -170,7 +170,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>> Positions<'s, S, T> for A
     }
     fn rates(&mut self, tangent: &mut T, _u: &[f64], dy: &mut [f64]) {
         let (nq, r) = (self.q.len(), tangent.reduction());
-        r.system.rate(&self.q, &r.v, &mut dy[..nq]);
+        r.system.rate(&self.q, &r.at.v, &mut dy[..nq]);
     }
     fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool> {
         let nq = self.q.len();

@@ -257,7 +257,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         y[..self.w.len()].fill(0.0);
         x.full_acceleration(&mut self.vdot);
         let near = Self::nearness(x);
-        self.continuity.start(t, &x.seen().v, &self.vdot, near);
+        self.continuity.start(t, &x.seen().at.v, &self.vdot, near);
     }
     fn locate(&mut self, x: &mut Frozen<'s, S>, t: f64, y: &[f64], _crossing: bool) -> Result<bool> {
         let found = self.find(x, t, &y[..self.w.len()], Prediction::Ahead);
@@ -272,7 +272,7 @@ impl<'s, S: ConstrainedSystem> Positions<'s, S, Frozen<'s, S>> for Chart {
         if self.balls.is_empty() {
             dy[..k].copy_from_slice(u); // S v = u + S γ, and S γ = 0
         } else {
-            self.rhs.copy_from_slice(&x.seen().v);
+            self.rhs.copy_from_slice(&x.seen().at.v);
             turned_back(&self.balls, &self.delta, &mut self.rhs);
             x.select(&self.rhs, &mut dy[..k]);
         }
@@ -298,7 +298,7 @@ impl<'s, S: ConstrainedSystem> PositionSteps<'s, S, Frozen<'s, S>> for Chart {
         x.full_acceleration(&mut self.vdot);
         let near = Continuity::nearness(0.0, margin.unwrap_or(f64::INFINITY));
         let r = x.seen();
-        if !self.continuity.judge(t, &r.v, &self.vdot, r.scales(), near) {
+        if !self.continuity.judge(t, &r.at.v, &self.vdot, r.scales(), near) {
             return StepDecision::Repeat;
         }
         self.trial.copy_from_slice(&self.delta);

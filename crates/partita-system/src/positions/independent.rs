@@ -133,7 +133,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         let margin = tangent.margin().map(|m| m.0);
         tangent.full_acceleration(&mut self.vdot);
         let near = Continuity::nearness(best_gain(tangent), margin.unwrap_or(f64::INFINITY));
-        self.core.continuity.start(t, &tangent.seen().v, &self.vdot, near);
+        self.core.continuity.start(t, &tangent.seen().at.v, &self.vdot, near);
         self.by.start(&self.core, tangent, margin);
     }
     fn locate(&mut self, tangent: &mut T, t: f64, y: &[f64], crossing: bool) -> Result<bool> {
@@ -146,7 +146,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
     }
     fn rates(&mut self, tangent: &mut T, _u: &[f64], dy: &mut [f64]) {
         let r = tangent.seen();
-        r.system.rate(&self.core.q, &r.v, &mut self.rates);
+        r.system.rate(&self.core.q, &r.at.v, &mut self.rates);
         self.core.states.gather_rates(&self.rates, dy);
     }
     fn output(&mut self, tangent: &mut T, t: f64, y: &[f64]) -> Result<bool> {
@@ -191,7 +191,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, K: Dependent<'s, S, T>> P
         self.gain = best_gain(tangent);
         let near = Continuity::nearness(self.gain, margin.unwrap_or(f64::INFINITY));
         let r = tangent.seen();
-        if !self.core.continuity.judge(t, &r.v, &self.vdot, r.scales(), near) {
+        if !self.core.continuity.judge(t, &r.at.v, &self.vdot, r.scales(), near) {
             return StepDecision::Repeat;
         }
         self.trial.copy_from_slice(&self.core.q);

@@ -46,7 +46,7 @@ impl Newton {
         let row = r.closure_error().1;
         let name = &r.system.structure().rows[row].description;
         let block = format!("{name} (Newton's method for the dependent coordinates, {} iterations)", done.iterations);
-        Err(SystemError::Limit { block, t, shortfall: r.phi[row].abs() })
+        Err(SystemError::Limit { block, t, shortfall: r.at.phi[row].abs() })
     }
 
     /// From the predicted position, or else from the end of the last step.
@@ -80,7 +80,7 @@ impl Newton {
 fn undecided<S: ConstrainedSystem>(core: &Core, tangent: &Chosen<S>, t: f64) -> SystemError {
     let seen = "they do not determine on which of two branches the others continue".to_string();
     let r = tangent.seen();
-    dead_point(&*r.system, r.rank(), t, &core.q, &r.partition.independent, seen)
+    dead_point(&*r.system, r.rank(), t, &core.q, &r.planned.partition.independent, seen)
 }
 
 impl<'s, S: ConstrainedSystem> Dependent<'s, S, Chosen<'s, S>> for Newton {

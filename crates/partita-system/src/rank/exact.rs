@@ -95,7 +95,7 @@ pub(crate) fn ranked<S: ConstrainedSystem>(
     let system = r.system.clone();
     let displacement: Vec<f64> = system.structure().displacements().collect();
     let sizes: Vec<f64> = (0..system.size().rows).map(|i| r.row_size(i)).collect();
-    weighed_rows(system.pattern(), &r.c, (&displacement, &sizes), least, preference)
+    weighed_rows(system.pattern(), &r.at.c, (&displacement, &sizes), least, preference)
 }
 
 /// Moved along each degree of freedom and along mixtures of them, closed with the kept rows: whether the others stay
@@ -127,20 +127,20 @@ fn fits<S: ConstrainedSystem>(system: &S, t: f64, q: &[f64], closings: usize) ->
 /// Relative closure error of the loop closures that were not kept.
 fn opened<S: ConstrainedSystem>(r: &Reduction<S>) -> f64 {
     let closings = r.dropped().iter().filter(|&&i| i < r.size().holonomic && !r.system.structure().rows[i].is_drive);
-    largest(closings.map(|&i| r.phi[i] / r.row_size(i)))
+    largest(closings.map(|&i| r.at.phi[i] / r.row_size(i)))
 }
 
 /// Largest rate of the conditions on rates that were not kept, where the fastest coordinate has the speed 1.
 fn dropped_rate<S: ConstrainedSystem>(r: &Reduction<S>, fastest: f64) -> f64 {
     let pattern = r.system.pattern();
-    let rate = |i: usize| pattern.row(i).map(|e| r.c[e] * r.v[pattern.col_idx[e]]).sum::<f64>();
+    let rate = |i: usize| pattern.row(i).map(|e| r.at.c[e] * r.at.v[pattern.col_idx[e]]).sum::<f64>();
     let closings = r.dropped().iter().filter(|&&i| i >= r.size().holonomic && !r.system.structure().rows[i].is_drive);
     largest(closings.map(|&i| rate(i) / (r.row_size(i) * fastest)))
 }
 
 /// Independent rates of a direction: mixed ones first, irregular, so that no symmetry hides a condition.
 fn rates<S: ConstrainedSystem>(r: &Reduction<S>, (direction, mixed): (usize, usize)) -> Vec<f64> {
-    let displacement = |j: usize| r.system.structure().displacement(r.partition.independent[j]);
+    let displacement = |j: usize| r.system.structure().displacement(r.planned.partition.independent[j]);
     if let Some(one) = direction.checked_sub(mixed) {
         return (0..r.k()).map(|j| if j == one { displacement(j) } else { 0.0 }).collect();
     }
@@ -163,11 +163,11 @@ impl<S: ConstrainedSystem> Curve for Own<'_, '_, S> {
         if self.r.tangent(self.t).is_err() {
             return Ok(false);
         }
-        self.r.gamma.fill(0.0);
+        self.r.at.gamma.fill(0.0);
         self.r.spread(&self.rates);
-        let fastest = self.r.system.travel(&self.r.v);
+        let fastest = self.r.system.travel(&self.r.at.v);
         let scale = |(i, v): (usize, &f64)| v / (fastest * self.r.system.structure().displacement(i));
-        tangent.iter_mut().zip(self.r.v.iter().enumerate().map(scale)).for_each(|(to, x)| *to = x);
+        tangent.iter_mut().zip(self.r.at.v.iter().enumerate().map(scale)).for_each(|(to, x)| *to = x);
         Ok(fastest.is_finite() && fastest > 0.0 && dropped_rate(self.r, fastest) <= tolerance::NULL_VALUE)
     }
     fn predict(&mut self, q: &mut [f64], tangent: &[f64], ds: f64) {
@@ -200,7 +200,7 @@ fn moved<S: ConstrainedSystem>(
     let mut there = home.to_vec();
     r.position(t, &there)?;
     let rates: Vec<f64> = rates(r, direction).iter().map(|x| sign * x).collect();
-    let n = r.v.len();
+    let n = r.at.v.len();
     let longest = tolerance::RANK_MOVE / STEPS as f64;
     let pace = Pace { longest, shortest: WHOLE_STEP * longest, steps: STEPS };
     let mut curve = Own { r, t, rates, dv: vec![0.0; n] };

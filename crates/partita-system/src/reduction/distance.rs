@@ -138,23 +138,23 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// One per cluster; the smallest is reported.
     pub fn distance(&mut self) -> (f64, u64) {
         let mut d = std::mem::take(&mut self.distance);
-        if d.of_choice.first.len() != self.rank {
+        if d.of_choice.first.len() != self.planned.rank {
             self.look_at_choice(&mut d.of_choice);
         }
-        let least = if self.plan.is_some() { self.least_singular_value(&mut d) } else { f64::INFINITY };
+        let least = if self.planned.plan.is_some() { self.least_singular_value(&mut d) } else { f64::INFINITY };
         self.distance = d;
-        (least, self.plans)
+        (least, self.counts.plans)
     }
 
     /// Sizes and clusters of the choice in use.
     fn look_at_choice(&self, of: &mut OfChoice) {
-        let partition = &self.partition;
-        let cluster = |i: &usize| self.clusters.of_velocity[*i];
-        let displacement = |i: &usize| self.displacement[*i];
+        let partition = &self.planned.partition;
+        let cluster = |i: &usize| self.planned.clusters.of_velocity[*i];
+        let displacement = |i: &usize| self.scale.displacement[*i];
         // irregular, so that no self-stress of a mechanism is orthogonal to it
         let first = partition.rows.iter().map(|&row| 1.0 + 0.5 * (row as f64 * 1.7).sin());
         refill(&mut of.first, first);
-        refill(&mut of.rows, (0..self.rank).map(|step| self.size_of_row(step)));
+        refill(&mut of.rows, (0..self.planned.rank).map(|step| self.size_of_row(step)));
         refill(&mut of.dependent, partition.dependent.iter().map(displacement));
         refill(&mut of.independent, partition.independent.iter().map(displacement));
         // steps pair rows with dependent velocities of the same cluster
@@ -181,16 +181,16 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let sums = &clusters[of_step(step)];
             *x = -sums.uc / sums.u * u;
         }
-        for &(step, e, j) in &self.spread_entries {
+        for &(step, e, j) in &self.planned.spread_entries {
             let (step, j) = (step as usize, j as usize);
             w.dependent[step] +=
-                self.c[e as usize] * of_choice.independent[j] / of_choice.rows[step] * u.independent[j];
+                self.at.c[e as usize] * of_choice.independent[j] / of_choice.rows[step] * u.independent[j];
         }
         self.improve(w, of_choice);
         for (step, (x, y)) in u.by_rows.iter().zip(&w.by_rows).enumerate() {
             clusters[of_step(step)].uw += x * y;
         }
-        for step in 0..self.rank {
+        for step in 0..self.planned.rank {
             let sums = &mut clusters[of_step(step)];
             let shared = sums.shared();
             w.by_rows[step] -= shared * u.by_rows[step];
@@ -210,7 +210,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         for sums in clusters.iter_mut() {
             (sums.parts, sums.uc) = (sums.least(), 0.0);
         }
-        for step in 0..self.rank {
+        for step in 0..self.planned.rank {
             let sums = &mut clusters[of_step(step)];
             u.by_rows[step] = sums.combined(u.by_rows[step], w.by_rows[step]);
             sums.uc += sums.combined(u.dependent[step], w.dependent[step]).powi(2);
@@ -224,16 +224,16 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// From the right-hand side x in `dependent`: y = C_D⁻¹ x, the vector C_D⁻ᵀ y, and its products with C.
     fn improve(&self, left: &mut LeftVector, of: &OfChoice) {
-        let Some(plan) = &self.plan else { return };
+        let Some(plan) = &self.planned.plan else { return };
         let LeftVector { by_rows, dependent, independent } = left;
         dependent.iter_mut().zip(&of.rows).for_each(|(x, size)| *x *= size);
-        plan.solve(&self.factors, dependent, 1);
+        plan.solve(&self.at.factors, dependent, 1);
         dependent.iter_mut().zip(&of.dependent).for_each(|(x, size)| *x /= size);
         by_rows.iter_mut().zip(&*dependent).zip(&of.dependent).for_each(|((to, x), size)| *to = x / size);
-        plan.solve_transposed(&self.factors, by_rows, 1);
+        plan.solve_transposed(&self.at.factors, by_rows, 1);
         independent.fill(0.0);
-        for &(step, e, j) in &self.spread_entries {
-            independent[j as usize] += self.c[e as usize] * by_rows[step as usize];
+        for &(step, e, j) in &self.planned.spread_entries {
+            independent[j as usize] += self.at.c[e as usize] * by_rows[step as usize];
         }
         independent.iter_mut().zip(&of.independent).for_each(|(x, size)| *x *= size);
         by_rows.iter_mut().zip(&of.rows).for_each(|(x, size)| *x *= size);
@@ -241,13 +241,13 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Displacement of the row of a step.
     pub(super) fn size_of_row(&self, step: usize) -> f64 {
-        self.system.structure().rows[self.partition.rows[step]].size()
+        self.system.structure().rows[self.planned.partition.rows[step]].size()
     }
 
     /// The kept row that depends most on the others next to a singular position: the largest component of the left
     /// singular vector of the last [`distance`](Self::distance), rows in characteristic displacements.
     pub fn weakest_row(&self) -> Option<usize> {
-        let rows = self.distance.u.by_rows.iter().zip(&self.partition.rows);
+        let rows = self.distance.u.by_rows.iter().zip(&self.planned.partition.rows);
         rows.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs())).map(|(_, &row)| row)
     }
 }

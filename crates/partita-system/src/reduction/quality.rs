@@ -16,10 +16,10 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// σ and √μ at the last evaluation; of many clusters, those of the worst.
     pub fn quality(&mut self, t: f64, q: &[f64]) -> Result<Quality, SystemError> {
         let system = self.system.clone();
-        if let (Some(_), Some(clustered)) = (&self.recursion, system.clustered()) {
+        if let (Some(_), Some(clustered)) = (&self.planned.recursion, system.clustered()) {
             return self.quality_by_clusters(clustered, t, q);
         }
-        quality_of(&*self.system, t, q, &self.partition.independent, &self.md, &mut self.scratch)
+        quality_of(&*self.system, t, q, &self.planned.partition.independent, &self.at.md, &mut self.scratch)
     }
 
     /// The worst σ and √μ of all clusters: each with the others free to move.
@@ -31,9 +31,14 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     ) -> Result<Quality, SystemError> {
         let mut blocks: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
         let mut diagonal = vec![0.0; self.size.nv];
-        let tangent =
-            ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
-        let independent = &self.partition.independent;
+        let tangent = ClusterTangent {
+            columns: self.planned.columns,
+            dt: &self.at.dt,
+            delta: &self.at.delta,
+            c: &self.at.c,
+            b: &self.at.b,
+        };
+        let independent = &self.planned.partition.independent;
         let form = &mut |_: usize, which: &[usize], values: &[f64]| blocks.push((which.to_vec(), values.to_vec()));
         clustered.mobility(&tangent, independent, FORMED, &mut self.scratch, &mut diagonal, form);
         let mut lengths = vec![0.0; self.size.nv];
@@ -61,8 +66,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let own = criterion::quality(&md, &s2, &block);
             worst = Quality { sigma: worst.sigma.min(own.sigma), sqrt_mu: worst.sqrt_mu.min(own.sqrt_mu) };
         }
-        let mut own: Vec<Vec<usize>> = vec![Vec::new(); self.clusters.count];
-        independent.iter().for_each(|&i| own[self.clusters.of_velocity[i] as usize].push(i));
+        let mut own: Vec<Vec<usize>> = vec![Vec::new(); self.planned.clusters.count];
+        independent.iter().for_each(|&i| own[self.planned.clusters.of_velocity[i] as usize].push(i));
         for which in own.iter().filter(|which| which.len() > FORMED) {
             let own = self.quality_by_products(clustered, (t, q), which, &lengths)?;
             worst = Quality { sigma: worst.sigma.min(own.sigma), sqrt_mu: worst.sqrt_mu.min(own.sqrt_mu) };
@@ -83,19 +88,19 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let size: Vec<f64> = which.iter().map(|&i| lengths[i]).collect();
         let mut index = vec![None; n];
         which.iter().enumerate().for_each(|(j, &i)| index[i] = Some(j));
-        let own = |x: &&(u32, u32, u32)| index[self.partition.independent[x.2 as usize]].is_some();
-        let spread: Vec<_> = self.spread_entries.iter().filter(own).copied().collect();
-        let Some(plan) = &self.plan else { return Ok(Quality { sigma: 1.0, sqrt_mu: 1.0 }) };
+        let own = |x: &&(u32, u32, u32)| index[self.planned.partition.independent[x.2 as usize]].is_some();
+        let spread: Vec<_> = self.planned.spread_entries.iter().filter(own).copied().collect();
+        let Some(plan) = &self.planned.plan else { return Ok(Quality { sigma: 1.0, sqrt_mu: 1.0 }) };
         let mut cluster = Cluster {
             system: &*self.system,
             clustered,
             scratch: &mut self.scratch,
-            partition: &self.partition,
+            partition: &self.planned.partition,
             plan,
-            factors: &self.factors,
-            c: &self.c,
-            dt: (self.columns, &self.dt),
-            state: (t, q, &self.v),
+            factors: &self.at.factors,
+            c: &self.at.c,
+            dt: (self.planned.columns, &self.at.dt),
+            state: (t, q, &self.at.v),
             which,
             index,
             spread,
@@ -105,7 +110,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             at_rest: vec![0.0; n],
             effort: vec![0.0; n],
             answer: vec![0.0; n],
-            dependent: vec![0.0; self.rank],
+            dependent: vec![0.0; self.planned.rank],
             freely: false,
         };
         // irregular, so that it is orthogonal to no vector of a regular system
@@ -121,18 +126,23 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn measure(&mut self, t: f64, q: &[f64], rho: &mut [f64]) -> Result<(), SystemError> {
         let mut s2 = vec![0.0; self.size.nv];
         self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut s2)?;
-        if let (Some(_), Some(clustered)) = (&self.recursion, self.system.clustered()) {
-            let tangent =
-                ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b };
-            let independent = &self.partition.independent;
+        if let (Some(_), Some(clustered)) = (&self.planned.recursion, self.system.clustered()) {
+            let tangent = ClusterTangent {
+                columns: self.planned.columns,
+                dt: &self.at.dt,
+                delta: &self.at.delta,
+                c: &self.at.c,
+                b: &self.at.b,
+            };
+            let independent = &self.planned.partition.independent;
             clustered.mobility(&tangent, independent, usize::MAX, &mut self.scratch, rho, &mut |_, _, _| {});
             for (r, s2) in rho.iter_mut().zip(&s2) {
                 *r = (*r / s2).max(0.0).sqrt().min(1.0);
             }
             return Ok(());
         }
-        let mut work = vec![0.0; self.k];
-        criterion::measure_tangent(&self.dt, self.k, &self.md_factor, &s2, &mut work, rho);
+        let mut work = vec![0.0; self.planned.k];
+        criterion::measure_tangent(&self.at.dt, self.planned.k, &self.at.md_factor, &s2, &mut work, rho);
         Ok(())
     }
 }

@@ -44,19 +44,19 @@ pub(super) struct RowScratch {
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Lay out the memory for the choice just adopted.
     pub(super) fn lay_out_rows(&mut self) {
-        if self.dropped.is_empty() {
+        if self.planned.dropped.is_empty() {
             return;
         }
         let memory = &mut self.row_memory;
         memory.step_of.clear();
         memory.step_of.resize(self.size.nv, NONE);
-        self.partition.dependent.iter().enumerate().for_each(|(step, &i)| memory.step_of[i] = step as u32);
+        self.planned.partition.dependent.iter().enumerate().for_each(|(step, &i)| memory.step_of[i] = step as u32);
         memory.taken.clear();
-        memory.taken.resize(self.rank, false);
-        memory.sparse = SparseScratch::new(self.rank);
-        memory.entries.reserve(self.rank);
-        memory.weights.reserve(self.rank);
-        memory.found.reserve(self.dropped.len());
+        memory.taken.resize(self.planned.rank, false);
+        memory.sparse = SparseScratch::new(self.planned.rank);
+        memory.entries.reserve(self.planned.rank);
+        memory.weights.reserve(self.planned.rank);
+        memory.found.reserve(self.planned.dropped.len());
     }
 
     /// Weight of a row in the choice: its precedence over its size.
@@ -68,7 +68,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         } else {
             PRECEDENCE * PRECEDENCE
         };
-        precedence / self.row_size[i]
+        precedence / self.scale.row_size[i]
     }
 
     /// Exchanges of rows that gain, with the current factors: at most one of each row left out, such that none changes
@@ -78,21 +78,27 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         memory.found.clear();
         memory.taken.fill(false);
         let pattern = self.system.pattern();
-        if let Some(plan) = self.plan.as_ref().filter(|_| self.rank > 0) {
-            for &enters in self.dropped.iter().filter(|&&i| self.row_scale[i] > 0.0) {
+        if let Some(plan) = self.planned.plan.as_ref().filter(|_| self.planned.rank > 0) {
+            for &enters in self.planned.dropped.iter().filter(|&&i| self.scale.row_scale[i] > 0.0) {
                 memory.entries.clear();
-                let steps = pattern.row(enters).map(|e| (memory.step_of[pattern.col_idx[e]], self.c[e]));
+                let steps = pattern.row(enters).map(|e| (memory.step_of[pattern.col_idx[e]], self.at.c[e]));
                 memory.entries.extend(steps.filter(|x| x.0 != NONE).map(|(step, c)| (step as usize, c)));
-                plan.solve_transposed_sparse(&self.factors, &memory.entries, &mut memory.sparse, &mut memory.weights);
+                plan.solve_transposed_sparse(
+                    &self.at.factors,
+                    &memory.entries,
+                    &mut memory.sparse,
+                    &mut memory.weights,
+                );
                 let weight = self.row_weight(enters);
-                let gain = |&(step, w): &(usize, f64)| w.abs() * weight / self.row_weight(self.partition.rows[step]);
+                let gain =
+                    |&(step, w): &(usize, f64)| w.abs() * weight / self.row_weight(self.planned.partition.rows[step]);
                 let best = memory.weights.iter().map(|x| (x.0, gain(x))).max_by(|a, b| a.1.total_cmp(&b.1));
                 let Some((step, gain)) = best.filter(|x| x.1 > tolerance::DOUBLED) else { continue };
                 if memory.weights.iter().any(|x| memory.taken[x.0]) {
                     continue; // the next look sees what is left of its gain
                 }
                 memory.weights.iter().for_each(|x| memory.taken[x.0] = true);
-                memory.found.push(RowExchange { enters, leaves: self.partition.rows[step], gain });
+                memory.found.push(RowExchange { enters, leaves: self.planned.partition.rows[step], gain });
             }
         }
         self.row_memory = memory;
@@ -103,15 +109,15 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     ///
     /// Kept rows lose rank in positions where the mechanism is regular; others replace them before.
     pub fn rows_fade(&mut self) -> bool {
-        !self.dropped.is_empty() && !self.profitable_row_swaps().is_empty()
+        !self.planned.dropped.is_empty() && !self.profitable_row_swaps().is_empty()
     }
 
     /// Exchange redundant rows at the last position until there is no further gain; the partition is unchanged. True if
     /// rows were exchanged; needs the factors, and ends with those of the new rows.
     pub fn exchange_rows(&mut self, t: f64) -> Result<bool, SystemError> {
-        let before = self.choices;
+        let before = self.counts.choices;
         // each exchange multiplies the volume, so the loop ends; the bound is for round-off
-        for _ in 0..4 * self.dropped.len() {
+        for _ in 0..4 * self.planned.dropped.len() {
             let pairs = self.profitable_row_swaps().to_vec();
             if pairs.is_empty() {
                 break;
@@ -119,7 +125,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let kept = self.rows_in_use();
             let mut next = kept.clone();
             pairs.iter().for_each(|x| (next[x.enters], next[x.leaves]) = (true, false));
-            let independent = self.partition.independent.clone();
+            let independent = self.planned.partition.independent.clone();
             self.refresh_row_scales();
             if self.plan_with(t, &independent, &next).is_err() {
                 // the rule and the elimination disagree by round-off: keep the present rows
@@ -129,13 +135,13 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             }
             self.factor(t)?;
         }
-        Ok(self.choices > before)
+        Ok(self.counts.choices > before)
     }
 
     /// The rows in use, marked among all.
     pub(super) fn rows_in_use(&self) -> Vec<bool> {
         let mut rows = vec![false; self.size.rows];
-        self.partition.rows.iter().for_each(|&i| rows[i] = true);
+        self.planned.partition.rows.iter().for_each(|&i| rows[i] = true);
         rows
     }
 
@@ -143,7 +149,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn renew_rows(&mut self, t: f64) -> Result<(), SystemError> {
         if self.factor(t).is_err() || !self.exchange_rows(t)? {
             // no exchange leads to the requested rows
-            let independent = self.partition.independent.clone();
+            let independent = self.planned.partition.independent.clone();
             self.refresh_row_scales();
             let rows = self.eligible_rows();
             self.plan_with(t, &independent, &rows)?;
@@ -156,7 +162,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn keep_rows(&mut self, t: f64, rows: &[usize]) -> Result<(), SystemError> {
         let mut eligible = vec![false; self.size.rows];
         rows.iter().for_each(|&i| eligible[i] = true);
-        let independent = self.partition.independent.clone();
+        let independent = self.planned.partition.independent.clone();
         self.refresh_row_scales();
         self.plan_with(t, &independent, &eligible)?;
         self.tangent(t)

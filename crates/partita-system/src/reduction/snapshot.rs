@@ -25,15 +25,15 @@ impl ReductionSnapshot {
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Number of what evaluations depend on besides their arguments: the choice, and the round-off of its rows.
     pub fn version(&self) -> u64 {
-        self.version
+        self.counts.version
     }
 
     /// The choice in use.
     pub fn snapshot(&self) -> ReductionSnapshot {
-        let numbers = [&self.s2, &self.s, &self.row_scale, &self.row_size, &self.noise];
+        let numbers = [&self.scale.s2, &self.scale.s, &self.scale.row_scale, &self.scale.row_size, &self.scale.noise];
         ReductionSnapshot {
-            plan: self.plan.clone(),
-            independent: self.partition.independent.clone(),
+            plan: self.planned.plan.clone(),
+            independent: self.planned.partition.independent.clone(),
             numbers: numbers.into_iter().flatten().copied().collect(),
         }
     }
@@ -41,16 +41,22 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Take this choice.
     pub fn restore(&mut self, from: &ReductionSnapshot) {
         let mut numbers = &from.numbers[..];
-        for to in [&mut self.s2, &mut self.s, &mut self.row_scale, &mut self.row_size, &mut self.noise] {
+        for to in [
+            &mut self.scale.s2,
+            &mut self.scale.s,
+            &mut self.scale.row_scale,
+            &mut self.scale.row_size,
+            &mut self.scale.noise,
+        ] {
             let (of, rest) = numbers.split_at(to.len());
             to.copy_from_slice(of);
             numbers = rest;
         }
-        let known = self.plan.as_ref().zip(from.plan.as_ref()).is_some_and(|(now, plan)| now.is_same(plan));
-        if known && self.partition.independent == from.independent {
+        let known = self.planned.plan.as_ref().zip(from.plan.as_ref()).is_some_and(|(now, plan)| now.is_same(plan));
+        if known && self.planned.partition.independent == from.independent {
             return;
         }
-        self.plans += 1;
+        self.counts.plans += 1;
         if let Some(plan) = &from.plan {
             self.adopt(plan.clone(), &from.independent);
         }

@@ -32,9 +32,9 @@ struct Solve {
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// The best switch of all at the last tangent.                                       (P6)
     pub fn best_switch(&mut self) -> Option<switch::CoordinateSwitch> {
-        let scales = std::mem::take(&mut self.s);
+        let scales = std::mem::take(&mut self.scale.s);
         let all = self.best_switches(&scales, 0.0);
-        self.s = scales;
+        self.scale.s = scales;
         all.into_iter().reduce(|a, b| if b.gain > a.gain { b } else { a })
     }
 
@@ -43,9 +43,9 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     ///
     /// Cost: the entries of A; for clusters that form no A its columns are computed here.
     pub fn best_switches(&mut self, scales: &[f64], threshold: f64) -> Vec<switch::CoordinateSwitch> {
-        let p = &self.partition;
-        if self.recursion.is_none() {
-            let best = switch::best(&self.a_matrix, scales, &p.dependent, &p.independent);
+        let p = &self.planned.partition;
+        if self.planned.recursion.is_none() {
+            let best = switch::best(&self.at.a_matrix, scales, &p.dependent, &p.independent);
             return best.into_iter().filter(|x| x.gain > threshold).collect();
         }
         let SwitchScratch { index, solves, best, columns } = &mut self.memory;
@@ -56,24 +56,24 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 best[c] = Some(switch::CoordinateSwitch { enters, leaves, gain });
             }
         };
-        let k = self.columns;
-        let of = |i: usize| self.clusters.of_velocity[i] as usize;
+        let k = self.planned.columns;
+        let of = |i: usize| self.planned.clusters.of_velocity[i] as usize;
         for (e, &d) in p.dependent.iter().enumerate() {
             for c in 0..k {
                 let j = index[of(d) * k + c];
                 if j != usize::MAX {
-                    see(of(d), e, j, self.a_matrix[e * k + c]);
+                    see(of(d), e, j, self.at.a_matrix[e * k + c]);
                 }
             }
         }
-        let Some(plan) = &self.plan else { return Vec::new() };
+        let Some(plan) = &self.planned.plan else { return Vec::new() };
         for Solve { width, entries, answers } in solves.iter() {
-            let x = &mut columns[..self.rank * width];
+            let x = &mut columns[..self.planned.rank * width];
             x.fill(0.0);
             for [step, e, w] in entries.iter().map(|x| x.map(|x| x as usize)) {
-                x[step * width + w] = -self.c[e];
+                x[step * width + w] = -self.at.c[e];
             }
-            plan.solve(&self.factors, x, *width);
+            plan.solve(&self.at.factors, x, *width);
             for [step, w, j] in answers.iter().map(|x| x.map(|x| x as usize)) {
                 see(of(p.dependent[step]), step, j, x[step * width + w]);
             }
@@ -83,37 +83,38 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Lay out the memory for the choice just adopted.
     pub(super) fn lay_out(&mut self) {
-        let (k, count) = (self.columns, self.clusters.count);
+        let (k, count) = (self.planned.columns, self.planned.clusters.count);
         let mut index = vec![usize::MAX; count * k];
-        for (j, (&i, &c)) in self.partition.independent.iter().zip(&self.column_of).enumerate() {
+        for (j, (&i, &c)) in self.planned.partition.independent.iter().zip(&self.planned.column_of).enumerate() {
             if c != NONE {
-                index[self.clusters.of_velocity[i] as usize * k + c as usize] = j;
+                index[self.planned.clusters.of_velocity[i] as usize * k + c as usize] = j;
             }
         }
         let solves = self.solves();
         let widest = solves.iter().map(|x| x.width).max().unwrap_or(0);
-        self.memory = SwitchScratch { index, solves, best: vec![None; count], columns: vec![0.0; self.rank * widest] };
+        self.memory =
+            SwitchScratch { index, solves, best: vec![None; count], columns: vec![0.0; self.planned.rank * widest] };
     }
 
     /// The columns of A that are not formed, as few as there can be one after the other.
     fn solves(&self) -> Vec<Solve> {
         let free: Vec<&(u32, u32, u32)> =
-            self.spread_entries.iter().filter(|x| self.column_of[x.2 as usize] == NONE).collect();
+            self.planned.spread_entries.iter().filter(|x| self.planned.column_of[x.2 as usize] == NONE).collect();
         if free.is_empty() {
             return Vec::new();
         }
-        let mut by_step = vec![Vec::new(); self.rank];
+        let mut by_step = vec![Vec::new(); self.planned.rank];
         free.iter().for_each(|x| by_step[x.0 as usize].push(x.2));
         // which entries of A are not zero, by columns: a dependent velocity follows from its row and from those of the
         // dependent velocities in it
         let system = self.system.clone();
         let pattern = system.pattern();
         let mut step_of = vec![None; self.size.nv];
-        self.partition.dependent.iter().enumerate().for_each(|(step, &i)| step_of[i] = Some(step));
-        let mut reached = vec![Vec::new(); self.k];
-        let mut met = vec![usize::MAX; self.rank];
+        self.planned.partition.dependent.iter().enumerate().for_each(|(step, &i)| step_of[i] = Some(step));
+        let mut reached = vec![Vec::new(); self.planned.k];
+        let mut met = vec![usize::MAX; self.planned.rank];
         let mut open = Vec::new();
-        for step in 0..self.rank {
+        for step in 0..self.planned.rank {
             met[step] = step;
             open.push(step);
             while let Some(s) = open.pop() {
@@ -123,14 +124,14 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                         own.push(step);
                     }
                 }
-                for next in pattern.row(self.partition.rows[s]).filter_map(|e| step_of[pattern.col_idx[e]]) {
+                for next in pattern.row(self.planned.partition.rows[s]).filter_map(|e| step_of[pattern.col_idx[e]]) {
                     if std::mem::replace(&mut met[next], step) != step {
                         open.push(next);
                     }
                 }
             }
         }
-        let column = shared_columns(&reached, self.rank);
+        let column = shared_columns(&reached, self.planned.rank);
         let count = column.iter().zip(&reached).filter(|x| !x.1.is_empty()).map(|x| x.0 + 1).max().unwrap_or(0);
         let mut solves = vec![Solve::default(); count.div_ceil(WIDTH)];
         for (n, solve) in solves.iter_mut().enumerate() {
@@ -141,11 +142,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
             let (solve, w) = short(j);
             solves[solve].entries.push([step, e, w]);
         }
-        let of = |i: usize| self.clusters.of_velocity[i];
+        let of = |i: usize| self.planned.clusters.of_velocity[i];
         for (j, steps) in (0..).zip(&reached) {
             let (solve, w) = short(j);
-            let own =
-                |step: &&usize| of(self.partition.dependent[**step]) == of(self.partition.independent[j as usize]);
+            let own = |step: &&usize| {
+                of(self.planned.partition.dependent[**step]) == of(self.planned.partition.independent[j as usize])
+            };
             solves[solve].answers.extend(steps.iter().filter(own).map(|&step| [step as u32, w, j]));
         }
         solves.iter_mut().for_each(|x| x.answers.sort_unstable_by_key(|&[step, _, j]| (step, j)));

@@ -11,41 +11,47 @@ use partita_math::tolerance;
 impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// Smallest scaled pivot of the current plan: how far C_D was from losing rank when it was made.
     pub fn smallest(&self) -> f64 {
-        self.plan.as_ref().map_or(1.0, Plan::smallest_pivot)
+        self.planned.plan.as_ref().map_or(1.0, Plan::smallest_pivot)
     }
 
     /// Side of the singular positions of C_D at the last factorisation.
     pub fn sides(&self, sides: &mut Sides) {
         sides.negative.clear();
-        (sides.choice, sides.basis) = ((self.choices, 0), false);
+        (sides.choice, sides.basis) = ((self.counts.choices, 0), false);
         sides.of_blocks.clear();
-        if let Some(plan) = self.plan.as_ref().filter(|_| self.rank > 0) {
-            sides.blocks = plan.signs(&self.factors, &mut sides.negative);
-            let partition = &self.partition;
-            let scale = |step: usize| (1.0 / self.size_of_row(step), self.displacement[partition.dependent[step]]);
-            plan.blocks(&self.c, &self.factors, scale, &mut sides.of_blocks);
+        if let Some(plan) = self.planned.plan.as_ref().filter(|_| self.planned.rank > 0) {
+            sides.blocks = plan.signs(&self.at.factors, &mut sides.negative);
+            let partition = &self.planned.partition;
+            let scale =
+                |step: usize| (1.0 / self.size_of_row(step), self.scale.displacement[partition.dependent[step]]);
+            plan.blocks(&self.at.c, &self.at.factors, scale, &mut sides.of_blocks);
         }
     }
 
     /// Largest |Φ|; NaN counts as infinite.
     pub fn closure(&self) -> f64 {
-        largest(self.phi.iter().copied())
+        largest(self.at.phi.iter().copied())
     }
 
     /// Largest |Φ| of the rows kept.
     pub fn closure_of_kept(&self) -> f64 {
-        largest(self.phi.iter().zip(&self.left_out).filter(|x| !x.1).map(|x| *x.0))
+        largest(self.at.phi.iter().zip(&self.planned.left_out).filter(|x| !x.1).map(|x| *x.0))
     }
 
     /// Whether the kept rows are zero up to their own round-off.
     pub fn is_closed(&self) -> bool {
-        self.phi.iter().zip(&self.noise).zip(&self.left_out).all(|((x, n), left_out)| *left_out || x.abs() <= *n)
+        self.at
+            .phi
+            .iter()
+            .zip(&self.scale.noise)
+            .zip(&self.planned.left_out)
+            .all(|((x, n), left_out)| *left_out || x.abs() <= *n)
     }
 
     /// Largest |Φ_i| and its row, each Φ_i in units of its own round-off, at least that of the closure error of a large
     /// displacement: a row without motion consists of rounding errors alone. NaN counts as infinite.
     pub fn closure_error(&self) -> (f64, usize) {
-        let rows = self.phi.iter().zip(&self.noise).enumerate().filter(|(i, _)| !self.left_out[*i]);
+        let rows = self.at.phi.iter().zip(&self.scale.noise).enumerate().filter(|(i, _)| !self.planned.left_out[*i]);
         rows.fold((0.0, 0), |best: (f64, usize), (i, (x, n))| {
             let least = self.system.structure().rows[i]
                 .displacement
@@ -61,7 +67,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
 
     /// Largest |C v + a| over all rows at the last position with `self.v`.
     pub fn velocity_closure(&self) -> f64 {
-        largest(velocity_residuals(self.system.pattern(), &self.c, &self.v, &self.a))
+        largest(velocity_residuals(self.system.pattern(), &self.at.c, &self.at.v, &self.at.a))
     }
 
     /// Squared size of row i of C for unit characteristic displacements, over its closure error under a large
@@ -69,8 +75,8 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     pub fn strength(&self, i: usize) -> Option<f64> {
         Some(strength(
             self.system.pattern(),
-            &self.c,
-            &self.displacement,
+            &self.at.c,
+            &self.scale.displacement,
             i,
             self.system.structure().rows[i].displacement?,
         ))
@@ -79,20 +85,26 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     /// P5 cluster by cluster at the last tangent: volumes are products over clusters, so each cluster chooses
     /// independently. Clusters that form no D keep their choice; it is changed by switches.
     pub fn choose_by_clusters(&mut self, weights: Option<&[f64]>) -> Result<Vec<usize>, SystemError> {
-        let (Some(recursion), Some(clustered)) = (&self.recursion, self.system.clustered()) else {
-            return Ok(self.partition.independent.clone());
+        let (Some(recursion), Some(clustered)) = (&self.planned.recursion, self.system.clustered()) else {
+            return Ok(self.planned.partition.independent.clone());
         };
         let n = self.size.nv;
         let (none, mut out) = (vec![0.0; n], vec![0.0; n]);
-        let tangent = ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &self.b };
+        let tangent = ClusterTangent {
+            columns: self.planned.columns,
+            dt: &self.at.dt,
+            delta: &none,
+            c: &self.at.c,
+            b: &self.at.b,
+        };
         clustered.respond(&tangent, &none, &mut self.scratch, &mut out)?;
-        let mut own: Vec<Vec<usize>> = vec![Vec::new(); self.clusters.count];
-        for &i in &self.partition.independent {
-            own[self.clusters.of_velocity[i] as usize].push(i);
+        let mut own: Vec<Vec<usize>> = vec![Vec::new(); self.planned.clusters.count];
+        for &i in &self.planned.partition.independent {
+            own[self.planned.clusters.of_velocity[i] as usize].push(i);
         }
-        let mut chosen = Vec::with_capacity(self.k);
+        let mut chosen = Vec::with_capacity(self.planned.k);
         let mut few = 0;
-        for (c, velocities) in self.clusters.velocities().iter().enumerate() {
+        for (c, velocities) in self.planned.clusters.velocities().iter().enumerate() {
             if !recursion.by_partial_velocities[c] {
                 chosen.extend_from_slice(&own[c]);
                 continue;
@@ -107,9 +119,12 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
                 let name = self.system.structure().velocity_name(own[c][e.index]);
                 return Err(SystemError::Mass { name, pivot: e.pivot });
             }
-            let dt: Vec<f64> =
-                velocities.iter().flat_map(|&i| &self.dt[i * self.columns..i * self.columns + k]).copied().collect();
-            let s2: Vec<f64> = velocities.iter().map(|&i| self.s2[i]).collect();
+            let dt: Vec<f64> = velocities
+                .iter()
+                .flat_map(|&i| &self.at.dt[i * self.planned.columns..i * self.planned.columns + k])
+                .copied()
+                .collect();
+            let s2: Vec<f64> = velocities.iter().map(|&i| self.scale.s2[i]).collect();
             let weights: Option<Vec<f64>> = weights.map(|w| velocities.iter().map(|&i| w[i]).collect());
             let found = criterion::choose(&dt, k, &mass, &s2, weights.as_deref());
             chosen.extend(found.iter().map(|&i| velocities[i]));
@@ -130,31 +145,42 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let n = self.size.nv;
         let mut effort = momentum.to_vec();
         let mut v = vec![0.0; n];
-        let tangent =
-            ClusterTangent { columns: self.columns, dt: &self.dt, delta: &self.gamma, c: &self.c, b: &self.a };
+        let tangent = ClusterTangent {
+            columns: self.planned.columns,
+            dt: &self.at.dt,
+            delta: &self.at.gamma,
+            c: &self.at.c,
+            b: &self.at.a,
+        };
         clustered.respond(&tangent, &effort, &mut self.scratch, &mut v)?;
         let (none, no_rows) = (vec![0.0; n], vec![0.0; self.size.rows]);
         let mut answers = Matrix::new(rates.len(), n);
         for (j, &(i, _)) in rates.iter().enumerate() {
             effort.fill(0.0);
             effort[i] = 1.0;
-            let tangent = ClusterTangent { columns: self.columns, dt: &self.dt, delta: &none, c: &self.c, b: &no_rows };
+            let tangent = ClusterTangent {
+                columns: self.planned.columns,
+                dt: &self.at.dt,
+                delta: &none,
+                c: &self.at.c,
+                b: &no_rows,
+            };
             clustered.respond(&tangent, &effort, &mut self.scratch, answers.row_mut(j))?;
         }
         // in natural scales, so that units do not affect what counts as zero
         let mut normal = Matrix::new(rates.len(), rates.len());
         let mut want = vec![0.0; rates.len()];
         for (a, &(i, rate)) in rates.iter().enumerate() {
-            want[a] = (rate - v[i]) / self.s[i];
+            want[a] = (rate - v[i]) / self.scale.s[i];
             for (b, &(j, _)) in rates.iter().enumerate() {
-                normal[(a, b)] = answers[(b, i)] / (self.s[i] * self.s[j]);
+                normal[(a, b)] = answers[(b, i)] / (self.scale.s[i] * self.scale.s[j]);
             }
         }
         let (efforts, _) = factor::least_squares_min_norm(&normal, &want, tolerance::NULL_VALUE)
             .map_err(|_| SystemError::NotFinite { what: "a rate".into(), t: 0.0 })?;
         for (b, &(j, _)) in rates.iter().enumerate() {
             for (v, x) in v.iter_mut().zip(answers.row(b)) {
-                *v += x * efforts[b] / self.s[j];
+                *v += x * efforts[b] / self.scale.s[j];
             }
         }
         let reached = rates.iter().map(|&(i, _)| v[i]).collect();

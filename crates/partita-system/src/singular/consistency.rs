@@ -41,7 +41,7 @@ pub fn check<S: ConstrainedSystem>(
     if part > tolerance::OPEN {
         return Err(r.contradiction(t, row, part, ""));
     }
-    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+    let speeds: Vec<f64> = r.planned.partition.independent.iter().map(|&i| v[i]).collect();
     if r.evaluate(t, &here, &speeds).is_err() {
         return Ok(());
     }
@@ -61,7 +61,7 @@ pub fn check<S: ConstrainedSystem>(
         return Ok(()); // at rest, and nothing that would end it
     }
     let h = (SHORT_MOTION / strongest.sqrt()).min(longest);
-    let moved: Vec<f64> = r.v.iter().zip(&vdot).map(|(v, a)| h * (v + 0.5 * h * a)).collect();
+    let moved: Vec<f64> = r.at.v.iter().zip(&vdot).map(|(v, a)| h * (v + 0.5 * h * a)).collect();
     system.step(&mut here, &moved);
     if close(&mut r, t + h, &mut here).is_err() || r.gap_of_kept() > tolerance::CLOSED_IN_RUN {
         return Ok(());
@@ -150,7 +150,7 @@ impl Closure {
         if part > tolerance::OPEN {
             return Err(probe.contradiction(t, row, part, ""));
         }
-        let speeds: Vec<f64> = probe.partition.independent.iter().map(|&i| r.v[i]).collect();
+        let speeds: Vec<f64> = probe.planned.partition.independent.iter().map(|&i| r.at.v[i]).collect();
         if probe.tangent(t).is_err() {
             return Ok(());
         }

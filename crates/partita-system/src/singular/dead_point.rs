@@ -28,7 +28,7 @@ pub(crate) fn dead_point<S: ConstrainedSystem>(
 fn best_choice<S: ConstrainedSystem>(system: &S, rank: usize, t: f64, q: &[f64]) -> (Vec<usize>, f64) {
     let mut best = Reduction::new(system, rank);
     match start::choose_partition(&mut best, t, q, None, None) {
-        Ok(()) => (best.partition.independent.clone(), best.smallest()),
+        Ok(()) => (best.planned.partition.independent.clone(), best.smallest()),
         Err(_) => (Vec::new(), 0.0),
     }
 }
@@ -53,12 +53,12 @@ pub(crate) fn loss<S: ConstrainedSystem>(
     ends: [(f64, &[f64]); 2],
     (t, q): (f64, &[f64]),
 ) -> Loss {
-    let in_use = &choice.partition;
+    let in_use = &choice.planned.partition;
     let mut r = Reduction::new(choice.system.clone(), choice.rank()).keeping(&in_use.rows);
     if start::choose_partition(&mut r, t, q, None, None).is_err() || r.smallest() < SOUND || !one_side(&mut r, ends) {
         return Loss::Mechanism;
     }
-    let rows = r.partition.rows.clone();
+    let rows = r.planned.partition.rows.clone();
     if rows.iter().all(|row| in_use.rows.contains(row)) {
         return Loss::Coordinates;
     }
@@ -116,7 +116,7 @@ pub(crate) fn lost<S: ConstrainedSystem>(r: &Reduction<S>, t: f64, q: &[f64], e:
         SystemError::Mass { .. } if r.rank() > 0 => {
             let mut here = Reduction::new(r.system.clone(), r.rank());
             let at = here.position(t, q).and_then(|()| here.refresh_scales(t, q));
-            let pivot = match at.and_then(|()| here.set_partition(t, &r.partition.independent)) {
+            let pivot = match at.and_then(|()| here.set_partition(t, &r.planned.partition.independent)) {
                 Ok(()) => here.smallest(),
                 Err(SystemError::Singular { pivot, .. }) => pivot,
                 Err(_) => return None,
@@ -131,7 +131,7 @@ pub(crate) fn lost<S: ConstrainedSystem>(r: &Reduction<S>, t: f64, q: &[f64], e:
 
 /// Whether the reduced mass matrix of a choice at (t, q), the point last evaluated, is positive definite.
 pub(crate) fn has_mass<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64]) -> bool {
-    r.v.fill(0.0);
+    r.at.v.fill(0.0);
     r.velocity(t, q).and_then(|()| r.acceleration(t, q)).is_ok()
 }
 
@@ -146,5 +146,5 @@ pub(crate) fn blame<S: ConstrainedSystem>(r: &Reduction<S>, t: f64, q: &[f64], e
     if best.1 < SOUND || !served(&best.0) {
         return e;
     }
-    refusal(&*r.system, best, t, &r.partition.independent, seen)
+    refusal(&*r.system, best, t, &r.planned.partition.independent, seen)
 }

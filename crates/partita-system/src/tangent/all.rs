@@ -27,11 +27,11 @@ macro_rules! instant {
             holonomic: r.size().holonomic,
             mass: &$self.mass,
             h: &$self.h,
-            phi: &r.phi,
-            c: &r.c,
-            a: &r.a,
-            b: &r.b,
-            v: &r.v,
+            phi: &r.at.phi,
+            c: &r.at.c,
+            a: &r.at.a,
+            b: &r.at.b,
+            v: &r.at.v,
             scales: &$self.scales,
         }
     }};
@@ -106,15 +106,15 @@ impl<'s, S: ConstrainedSystem> AllVelocities<'s, S> {
             self.scales.extend_from_slice(self.base.r.row_scales());
         }
         self.rows.clear();
-        self.rows.extend_from_slice(&self.base.r.partition.rows);
+        self.rows.extend_from_slice(&self.base.r.planned.partition.rows);
         self.rows.sort_unstable();
     }
 
     /// S1 and S5 at the last position with velocities v, stored in `self.base.r`, `self.mass` and `self.h`.
     fn levels(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
-        r.v.copy_from_slice(v);
-        r.system.velocity(t, q, v, &mut r.scratch, &mut r.b)?;
+        r.at.v.copy_from_slice(v);
+        r.system.velocity(t, q, v, &mut r.scratch, &mut r.at.b)?;
         match self.rule.mass_pattern() {
             None => r.system.dynamics(t, q, v, &mut r.scratch, &mut self.mass, &mut self.h),
             Some(_) => r.system.sparse_dynamics(t, q, v, &mut r.scratch, &mut self.mass, &mut self.h),
@@ -153,7 +153,7 @@ impl<'s, S: ConstrainedSystem> AllVelocities<'s, S> {
             Failure::Mass { index, pivot } => {
                 SystemError::Mass { name: r.system.structure().velocity_name(index), pivot }
             }
-            Failure::Rows { sine2 } if r.c.iter().all(|x| x.is_finite()) => {
+            Failure::Rows { sine2 } if r.at.c.iter().all(|x| x.is_finite()) => {
                 SystemError::Singular { t, pivot: sine2, limit: tolerance::LOST_PIVOT }
             }
             Failure::Rows { .. } => SystemError::NotFinite { what: "the constraint Jacobian".into(), t },
@@ -164,7 +164,7 @@ impl<'s, S: ConstrainedSystem> AllVelocities<'s, S> {
     fn settled_by_the_rule(&mut self, t: f64, v: &mut [f64]) -> Result<bool> {
         let (x, r) = (instant!(self), &self.base.r);
         self.violation.clear();
-        self.violation.extend(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
+        self.violation.extend(velocity_residuals(r.system.pattern(), &r.at.c, v, &r.at.a));
         let moved = self.rule.least_move(&x, &self.violation, &mut self.vdot);
         match moved {
             None => return Ok(false),
@@ -195,7 +195,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
         Ok(())
     }
     fn spread(&mut self, u: &[f64]) {
-        self.base.r.v.copy_from_slice(u);
+        self.base.r.at.v.copy_from_slice(u);
     }
     fn accelerate(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
         self.solve(t, q, u)
@@ -209,7 +209,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
     /// λ is known, and there is no D: with rows that depend on time −λᵀ a itself.
     fn power(&mut self, t: f64, q: &[f64]) -> Result<f64> {
         let r = &mut self.base.r;
-        Ok(r.system.power(t, q, &r.v, &mut r.scratch)? - dense::dot(&self.lambda, &r.a))
+        Ok(r.system.power(t, q, &r.at.v, &mut r.scratch)? - dense::dot(&self.lambda, &r.at.a))
     }
 }
 
@@ -309,7 +309,7 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for AllVelocities<'s, S> {
             return Ok(r.dependent_correction(dv));
         }
         if r.tangent(t).is_err() || r.best_switch().is_some_and(|x| x.gain > self.switch_threshold) {
-            let (before, v) = (r.partition.independent.clone(), r.v.clone());
+            let (before, v) = (r.planned.partition.independent.clone(), r.at.v.clone());
             self.choose(t, q)?;
             self.base.switches += 1;
             self.base.evaluate(t, q, &v)?;
@@ -329,13 +329,13 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for AllVelocities<'s, S> {
             return self.settled_by_the_rule(t, v);
         }
         let r = &mut self.base.r;
-        let rows = &r.partition.rows;
-        let c = dense_rows(&*r.system, &r.c, rows);
+        let rows = &r.planned.partition.rows;
+        let c = dense_rows(&*r.system, &r.at.c, rows);
         // the next evaluation refills it
         r.system.add_metric(&mut r.scratch, &mut self.mass);
         let p = MassProjection::new(&*r.system, t, &self.mass, &c)?;
         for _ in 0..2 {
-            let violation: Vec<f64> = velocity_residuals(r.system.pattern(), &r.c, v, &r.a).collect();
+            let violation: Vec<f64> = velocity_residuals(r.system.pattern(), &r.at.c, v, &r.at.a).collect();
             let x: Vec<f64> = rows.iter().map(|&i| violation[i]).collect();
             dense::axpy(1.0, &p.correction(&x), v);
         }

@@ -63,7 +63,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
 
     /// All levels at the closed (t, q) with velocities v.
     pub(super) fn evaluate(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<()> {
-        let speeds: Vec<f64> = self.r.partition.independent.iter().map(|&i| v[i]).collect();
+        let speeds: Vec<f64> = self.r.planned.partition.independent.iter().map(|&i| v[i]).collect();
         self.r.evaluate(t, q, &speeds)
     }
 
@@ -78,7 +78,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
     /// As `log`, at the point last evaluated.
     pub(super) fn log_evaluated(&mut self, t: f64, q: &[f64], before: &[usize], reason: String) -> Result<()> {
         let quality = self.r.quality(t, q)?;
-        let p = &self.r.partition;
+        let p = &self.r.planned.partition;
         self.choices.record(PartitionEvent::new(t, before, &p.independent, &p.dependent, reason, quality));
         Ok(())
     }
@@ -113,7 +113,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
 
     /// Choices, rows and counts of a run.
     pub fn report(&self, history: &mut History) {
-        let (factorisations, plans, switches) = (self.r.factorisations, self.r.plans, self.switches);
+        let (factorisations, plans, switches) = (self.r.counts.factorisations, self.r.counts.plans, self.switches);
         let unlisted_switches = self.choices.unlisted_switches;
         let none = FormulationCounters::default();
         history.counters = FormulationCounters { factorisations, plans, switches, unlisted_switches, ..none };
@@ -126,7 +126,7 @@ impl<'s, S: ConstrainedSystem> Base<'s, S> {
                 self.choices.unlisted + self.choices.events.len() as u64
             ));
         }
-        history.rows.clone_from(&self.r.partition.rows);
+        history.rows.clone_from(&self.r.planned.partition.rows);
         history.rows.sort_unstable();
     }
 }

@@ -79,7 +79,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
         let r = &mut self.base.r;
         r.position(t, q)?;
         let wide = |&(i, phi): &(usize, &f64)| phi.is_nan() || phi.abs() > limit * r.row_size(i);
-        match r.phi.iter().enumerate().find(wide) {
+        match r.at.phi.iter().enumerate().find(wide) {
             None => Ok(()),
             Some((row, phi)) => Err(SystemError::argument(
                 "closing",
@@ -163,7 +163,7 @@ impl<'s, S: ConstrainedSystem> Blocks<'s, S> {
     fn growth(&self, inputs: &[usize]) -> f64 {
         let r = &self.base.r;
         match inputs.len() == r.k() {
-            true => normalised_determinant::ratio(&r.dt, self.inputs(), r.scales(), None, inputs),
+            true => normalised_determinant::ratio(&r.at.dt, self.inputs(), r.scales(), None, inputs),
             false => 0.0,
         }
     }

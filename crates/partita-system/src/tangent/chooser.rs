@@ -66,19 +66,19 @@ pub fn ask<S: ConstrainedSystem>(
     selection: Selection,
     weights: Option<&[f64]>,
 ) -> Result<Choice> {
-    let (k, now) = (r.k(), &r.partition.independent);
+    let (k, now) = (r.k(), &r.planned.partition.independent);
     let exact = |independent| Choice { independent, exact: true };
     Ok(match selection {
         Selection::Collective | Selection::Greedy | Selection::Persistence => {
-            exact(criterion::choose(&r.dt, k, &r.md_factor, &r.s2, weights))
+            exact(criterion::choose(&r.at.dt, k, &r.at.md_factor, &r.scale.s2, weights))
         }
         Selection::Individual => exact(individual::choose(&measures(r), k, weights)),
-        Selection::Determinant => determinant::choose(&r.dt, now, r.scales()),
-        Selection::NormalisedDeterminant => normalised_determinant::choose(&r.dt, now, r.scales(), weights),
-        Selection::Geometric => exact(geometric::choose(&r.dt, k, &r.md_factor, &displacements(r), weights)),
+        Selection::Determinant => determinant::choose(&r.at.dt, now, r.scales()),
+        Selection::NormalisedDeterminant => normalised_determinant::choose(&r.at.dt, now, r.scales(), weights),
+        Selection::Geometric => exact(geometric::choose(&r.at.dt, k, &r.at.md_factor, &displacements(r), weights)),
         Selection::CompletePivoting => {
             let rows: Vec<usize> = (0..r.size().rows).collect();
-            let c = dense_rows(&*r.system, &r.c, &rows);
+            let c = dense_rows(&*r.system, &r.at.c, &rows);
             match complete_pivoting::choose(&c, r.rank()) {
                 Some((independent, _)) => exact(independent),
                 None => {
@@ -92,12 +92,12 @@ pub fn ask<S: ConstrainedSystem>(
 
 /// Improvement of `next` over the present choice, in the rule's own measure, at the point last evaluated.
 fn gain<S: ConstrainedSystem>(r: &Reduction<S>, selection: Selection, weights: Option<&[f64]>, next: &[usize]) -> f64 {
-    let now = &r.partition.independent;
+    let now = &r.planned.partition.independent;
     match selection {
-        Selection::Determinant | Selection::CompletePivoting => determinant::ratio(&r.dt, now, r.scales(), next),
-        Selection::Geometric => geometric::ratio(&r.dt, now, &displacements(r), weights, next),
+        Selection::Determinant | Selection::CompletePivoting => determinant::ratio(&r.at.dt, now, r.scales(), next),
+        Selection::Geometric => geometric::ratio(&r.at.dt, now, &displacements(r), weights, next),
         Selection::Individual => individual::ratio(&measures(r), weights, now, next),
-        _ => normalised_determinant::ratio(&r.dt, now, r.scales(), weights, next),
+        _ => normalised_determinant::ratio(&r.at.dt, now, r.scales(), weights, next),
     }
 }
 
@@ -118,7 +118,7 @@ fn displacements<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<f64> {
 
 fn measures<S: ConstrainedSystem>(r: &Reduction<S>) -> Vec<f64> {
     let (mut work, mut rho) = (vec![0.0; r.k()], vec![0.0; r.size().nv]);
-    criterion::measure_tangent(&r.dt, r.k(), &r.md_factor, &r.s2, &mut work, &mut rho);
+    criterion::measure_tangent(&r.at.dt, r.k(), &r.at.md_factor, &r.scale.s2, &mut work, &mut rho);
     rho
 }
 
@@ -172,9 +172,9 @@ pub fn choose_by<S: ConstrainedSystem>(
         start::first_partition(r, t, q)?;
     }
     if r.k() == 0 || r.rank() == 0 || collective {
-        return Ok(Choice { independent: r.partition.independent.clone(), exact: true });
+        return Ok(Choice { independent: r.planned.partition.independent.clone(), exact: true });
     }
-    r.v.fill(0.0);
+    r.at.v.fill(0.0);
     r.velocity(t, q)?;
     r.acceleration(t, q)?;
     let choice = ask(r, t, selection, weights)?;
@@ -242,7 +242,7 @@ impl Chooser {
         }
         self.compared_all = choose_by(r, t, q, self.selection, self.weights.as_deref())?.exact;
         self.persistence = (self.selection == Selection::Persistence)
-            .then(|| Persistence::new(self.window, self.switch_threshold, &r.partition.independent));
+            .then(|| Persistence::new(self.window, self.switch_threshold, &r.planned.partition.independent));
         Ok(match self.selection {
             Selection::Collective => "largest projective measure at the start".into(),
             Selection::Persistence => "collective choice at the start, persistence from here on".into(),
@@ -262,15 +262,15 @@ impl Chooser {
 
     /// Dᵀ in natural units and the ln of the volume of the present choice, preferences included.
     fn volumes<S: ConstrainedSystem>(&self, r: &Reduction<S>) -> (Vec<f64>, f64) {
-        let now = &r.partition.independent;
+        let now = &r.planned.partition.independent;
         let s: Vec<f64> = match &self.weights {
             Some(w) => r.scales().iter().zip(w).map(|(s, w)| s / w).collect(),
             None => r.scales().to_vec(),
         };
         // (28): vol² = 1 / (det M_d Π s_i²)
         let k = now.len();
-        let base = now.iter().enumerate().map(|(j, &i)| -r.md_factor[j * k + j].ln() - s[i].ln()).sum();
-        (volume::natural(&r.dt, now, &s), base)
+        let base = now.iter().enumerate().map(|(j, &i)| -r.at.md_factor[j * k + j].ln() - s[i].ln()).sum();
+        (volume::natural(&r.at.dt, now, &s), base)
     }
 
     /// The change requested by the rule at the point last evaluated, if any.
@@ -281,7 +281,7 @@ impl Chooser {
         if !self.switch_threshold.is_finite() {
             return Ok(None);
         }
-        let now = &r.partition.independent;
+        let now = &r.planned.partition.independent;
         if let Some(p) = &self.persistence {
             return Ok(p.propose(t, &self.volumes(r).0).map(|x| {
                 let mut independent = now.clone();
@@ -328,7 +328,7 @@ impl Chooser {
             return e;
         }
         let reason = format!("{seen}, although the mechanism itself is not singular");
-        impossible(r, t, self.selection, &r.partition.independent, reason)
+        impossible(r, t, self.selection, &r.planned.partition.independent, reason)
     }
 
     /// Notes for the user.

@@ -106,14 +106,14 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     fn freeze(&mut self, t: f64, q: &[f64], reason: impl Fn(f64) -> String) -> Result<()> {
         let r = &mut self.base.r;
         start::choose_partition(r, t, q, None, None)?;
-        r.v.fill(0.0);
+        r.at.v.fill(0.0);
         r.velocity(t, q)?;
         r.acceleration(t, q)?;
         self.take(t, q)?;
         let r = &mut self.base.r;
         self.fresh = quality_of_selector(r, t, q, &self.selector)?;
         self.lowest = self.lowest.min(self.fresh.sqrt_mu);
-        let (p, basis) = (&r.partition, Some(self.selector.clone()));
+        let (p, basis) = (&r.planned.partition, Some(self.selector.clone()));
         let reason = reason(self.fresh.sqrt_mu);
         // the reported choice is the best one of coordinates; nothing enters or leaves
         let named = PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, self.fresh);
@@ -188,13 +188,13 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
         self.lu.fill(0.0);
         for (out, row) in self.lu.chunks_exact_mut(k.max(1)).zip(covectors.chunks_exact(n)) {
             for (i, x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
-                dense::axpy(*x, &r.dt[i * k..(i + 1) * k], out);
+                dense::axpy(*x, &r.at.dt[i * k..(i + 1) * k], out);
             }
-            out.iter_mut().zip(&r.partition.independent).for_each(|(x, &i)| *x *= s[i]);
+            out.iter_mut().zip(&r.planned.partition.independent).for_each(|(x, &i)| *x *= s[i]);
         }
         let ratio = match dense::lu(&mut self.lu, k, &mut self.pivots) {
             Ok(()) => dense::lu_pivot_ratio(&self.lu, k),
-            Err(_) if r.dt.iter().all(|x| x.is_finite()) => 0.0,
+            Err(_) if r.at.dt.iter().all(|x| x.is_finite()) => 0.0,
             Err(_) => return Err(SystemError::NotFinite { what: "the constraint Jacobian".into(), t }),
         };
         let limit = tolerance::SINGULAR_PIVOT;
@@ -213,22 +213,22 @@ impl<'s, S: ConstrainedSystem> Frozen<'s, S> {
     fn in_partition(&self, x: &mut [f64]) {
         dense::lu_solve(&self.lu, x.len(), &self.pivots, x);
         let r = &self.base.r;
-        x.iter_mut().zip(&r.partition.independent).for_each(|(x, &i)| *x *= r.scales()[i]);
+        x.iter_mut().zip(&r.planned.partition.independent).for_each(|(x, &i)| *x *= r.scales()[i]);
     }
 
     /// `out = [S; C]⁻¹ [w; −Φ]` with the last factors, for values w (k) of the covectors they were made with, used up.
     pub fn solve(&mut self, covectors: Option<&[f64]>, w: &mut [f64], out: &mut [f64]) {
         let r = &self.base.r;
-        self.rows.iter_mut().zip(&r.partition.rows).for_each(|(x, &row)| *x = -r.phi[row]);
+        self.rows.iter_mut().zip(&r.planned.partition.rows).for_each(|(x, &row)| *x = -r.at.phi[row]);
         r.solve(&mut self.rows, 1);
         out.fill(0.0);
-        self.rows.iter().zip(&r.partition.dependent).for_each(|(x, &i)| out[i] = *x);
+        self.rows.iter().zip(&r.planned.partition.dependent).for_each(|(x, &i)| out[i] = *x);
         let covectors = covectors.unwrap_or(&self.orthonormal);
         for (w, row) in w.iter_mut().zip(covectors.chunks_exact(out.len())) {
             *w -= dense::dot(row, out);
         }
         self.in_partition(w);
-        for (x, row) in out.iter_mut().zip(self.base.r.dt.chunks_exact(w.len().max(1))) {
+        for (x, row) in out.iter_mut().zip(self.base.r.at.dt.chunks_exact(w.len().max(1))) {
             *x += dense::dot(row, w);
         }
     }
@@ -265,7 +265,7 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Frozen<'s, S> {
         let mut w = std::mem::take(&mut self.w);
         w.copy_from_slice(u);
         self.in_orthonormal(&mut w);
-        let gamma = &self.base.r.gamma;
+        let gamma = &self.base.r.at.gamma;
         for (w, row) in w.iter_mut().zip(self.orthonormal.chunks_exact(gamma.len())) {
             *w -= dense::dot(row, gamma);
         }
@@ -480,9 +480,9 @@ fn made<S: ConstrainedSystem>(
 ) -> Result<(Matrix, Matrix)> {
     let (n, k) = (r.size().nv, r.k());
     let (mut mass, mut h) = (Matrix::new(n, n), vec![0.0; n]);
-    r.system.dynamics(t, q, &r.v, &mut r.scratch, mass.data_mut(), &mut h)?;
+    r.system.dynamics(t, q, &r.at.v, &mut r.scratch, mass.data_mut(), &mut h)?;
     r.system.add_metric(&mut r.scratch, mass.data_mut());
-    let mut c = dense_rows(&*r.system, &r.c, &r.partition.rows);
+    let mut c = dense_rows(&*r.system, &r.at.c, &r.planned.partition.rows);
     for i in 0..c.rows() {
         let length = dense::dot(c.row(i), c.row(i)).sqrt();
         c.row_mut(i).iter_mut().for_each(|x| *x /= length);

@@ -85,7 +85,7 @@ fn choose<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], indepen
             start::choose_partition(r, t, q, None, None)?;
             r.position(t, q)
         }
-        Some(now) if r.plans > 0 && r.partition.independent == now => {
+        Some(now) if r.counts.plans > 0 && r.planned.partition.independent == now => {
             r.position(t, q)?;
             serving_rows(r, t)
         }
@@ -108,10 +108,10 @@ fn serving_rows<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64) -> Result<()
 
 fn closures<S: ConstrainedSystem>(r: &mut Reduction<S>, v: &[f64], out: &mut Sample) {
     out.closure = r.closure();
-    r.v.copy_from_slice(v);
+    r.at.v.copy_from_slice(v);
     out.gaps = gaps(out.t, r);
     out.fastest = r.fastest();
-    out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.c, v, &r.a));
+    out.velocity_closure = largest(velocity_residuals(r.system.pattern(), &r.at.c, v, &r.at.a));
 }
 
 fn levels<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f64], out: &mut Sample) -> Result<()> {
@@ -124,7 +124,7 @@ fn levels<S: ConstrainedSystem>(r: &mut Reduction<S>, t: f64, q: &[f64], v: &[f6
     r.full_acceleration(&mut out.vdot);
     out.multipliers.resize(size.rows, 0.0);
     r.multipliers(t, q, &out.vdot, &mut out.multipliers)?;
-    out.independent.clone_from(&r.partition.independent);
+    out.independent.clone_from(&r.planned.partition.independent);
     out.measure.resize(size.nv, 0.0);
     if out.brief {
         return Ok(());
@@ -164,7 +164,7 @@ pub(super) fn quality_of_selector<S: ConstrainedSystem>(
 ) -> Result<Quality> {
     let (n, k) = (r.size().nv, r.k());
     let block = block_of_selector(r, t, q, s)?;
-    let mut sd = s.matmul(&Matrix::from_vec(n, k, r.dt.clone())).into_vec();
+    let mut sd = s.matmul(&Matrix::from_vec(n, k, r.at.dt.clone())).into_vec();
     let mut pivots = vec![0; k];
     if dense::lu(&mut sd, k, &mut pivots).is_err() {
         return Ok(Quality { sigma: 0.0, sqrt_mu: 0.0 });
@@ -177,7 +177,7 @@ pub(super) fn quality_of_selector<S: ConstrainedSystem>(
         }
         out
     };
-    let md = from_left(&from_left(&Matrix::from_vec(k, k, r.md.clone())));
+    let md = from_left(&from_left(&Matrix::from_vec(k, k, r.at.md.clone())));
     let lengths: Vec<f64> = (0..k).map(|j| block[(j, j)]).collect();
     Ok(criterion::quality(md.data(), &lengths, block.data()))
 }
@@ -190,9 +190,9 @@ pub(super) fn quality_of_tangent<S: ConstrainedSystem>(r: &Reduction<S>, dt: &[f
     let t = Matrix::from_vec(
         k,
         k,
-        r.partition.independent.iter().flat_map(|&i| &dt[i * k..(i + 1) * k]).copied().collect(),
+        r.planned.partition.independent.iter().flat_map(|&i| &dt[i * k..(i + 1) * k]).copied().collect(),
     );
-    let md = t.transpose().matmul(&Matrix::from_vec(k, k, r.md.clone())).matmul(&t);
+    let md = t.transpose().matmul(&Matrix::from_vec(k, k, r.at.md.clone())).matmul(&t);
     quality_of_exact(md.data(), k)
 }
 

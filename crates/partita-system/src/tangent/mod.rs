@@ -54,7 +54,7 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     }
     /// u for v: `u = S v`.
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
-        u.iter_mut().zip(&self.seen().partition.independent).for_each(|(u, &i)| *u = v[i]);
+        u.iter_mut().zip(&self.seen().planned.partition.independent).for_each(|(u, &i)| *u = v[i]);
     }
     /// D and γ at the position last evaluated; `factored` if the factors there are already computed.
     fn tangent(&mut self, t: f64, _q: &[f64], _factored: bool) -> Result<()> {
@@ -71,7 +71,7 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     }
     /// u' of the last evaluation.
     fn rates(&mut self, du: &mut [f64]) {
-        du.copy_from_slice(&self.seen().vdot_independent);
+        du.copy_from_slice(&self.seen().at.vdot_independent);
     }
     /// `v' = Dᵀ u' + δ` of the last evaluation.
     fn full_acceleration(&self, out: &mut [f64]) {

@@ -67,13 +67,13 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
         pairs: &[CoordinateSwitch],
         why: impl Fn(&CoordinateSwitch) -> String,
     ) -> Result<()> {
-        let before = self.base.r.partition.independent.clone();
+        let before = self.base.r.planned.partition.independent.clone();
         let velocities = &self.base.r.system.structure().velocities;
         let name = |i: usize| velocities[i].name.to_string();
         let mut next = before.clone();
         let mut reasons = Vec::new();
         for x in pairs {
-            let (enters, leaves) = (self.base.r.partition.dependent[x.enters], before[x.leaves]);
+            let (enters, leaves) = (self.base.r.planned.partition.dependent[x.enters], before[x.leaves]);
             next[x.leaves] = enters;
             reasons.push(format!("{} takes the place of {}: {}", name(enters), name(leaves), why(x)));
         }
@@ -90,7 +90,7 @@ impl<'s, S: ConstrainedSystem> Chosen<'s, S> {
 
     /// Take the choice of the rule at the point last evaluated.
     fn obey(&mut self, t: f64, q: &[f64], change: &Change) -> Result<()> {
-        let before = self.base.r.partition.independent.clone();
+        let before = self.base.r.planned.partition.independent.clone();
         let Some(chooser) = &mut self.chooser else { return Ok(()) };
         chooser.change(&mut self.base.r, t, change)?;
         let velocities = &self.base.r.system.structure().velocities;
@@ -212,7 +212,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Chosen<'s, S> {
         }
     }
     fn independent<'a>(&'a self, within: Option<&'a PartitionEvent>) -> Option<&'a [usize]> {
-        Some(within.map_or(&self.base.r.partition.independent, |event| &event.independent))
+        Some(within.map_or(&self.base.r.planned.partition.independent, |event| &event.independent))
     }
     fn report(&self, history: &mut History) {
         history.notes.extend(self.chooser.iter().flat_map(Chooser::notes));

@@ -65,9 +65,9 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
 
     fn basis_vectors(&mut self, t: f64, q: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
-        self.map.tangent(t, q, &mut r.dt)?;
-        self.map.offset(t, q, &mut r.gamma)?;
-        match r.dt.iter().chain(&r.gamma).all(|x| x.is_finite()) {
+        self.map.tangent(t, q, &mut r.at.dt)?;
+        self.map.offset(t, q, &mut r.at.gamma)?;
+        match r.at.dt.iter().chain(&r.at.gamma).all(|x| x.is_finite()) {
             true => Ok(()),
             false => Err(SystemError::NotFinite { what: "a tangent velocity of the user".into(), t }),
         }
@@ -76,16 +76,16 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
     /// δ, then b and u', at the velocities last computed.
     fn levels(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
         let r = &mut self.base.r;
-        if !self.map.bias(t, q, &r.v, &mut r.delta)? {
+        if !self.map.bias(t, q, &r.at.v, &mut r.at.delta)? {
             self.bias_by_differences(t, q, u)?;
         }
         let r = &mut self.base.r;
-        if !r.delta.iter().all(|x| x.is_finite()) {
+        if !r.at.delta.iter().all(|x| x.is_finite()) {
             return Err(SystemError::NotFinite { what: "the bias of the user's tangent velocities".into(), t });
         }
-        r.system.velocity(t, q, &r.v, &mut r.scratch, &mut r.b)?;
+        r.system.velocity(t, q, &r.at.v, &mut r.scratch, &mut r.at.b)?;
         r.acceleration(t, q).map_err(|e| match e {
-            SystemError::Mass { pivot, .. } if r.md.iter().all(|x| x.is_finite()) => SystemError::Basis {
+            SystemError::Mass { pivot, .. } if r.at.md.iter().all(|x| x.is_finite()) => SystemError::Basis {
                 name: "user-tangent".into(),
                 t,
                 reason: format!(
@@ -101,7 +101,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
 
     /// δ: the change of `Dᵀ u + γ` along the motion with u constant.
     fn bias_by_differences(&mut self, t: f64, q: &[f64], u: &[f64]) -> Result<()> {
-        let rate = self.base.r.v.iter().zip(&self.displacement).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
+        let rate = self.base.r.at.v.iter().zip(&self.displacement).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
         // a large displacement in the time of one unit where nothing moves (only t changes)
         let mut s = TANGENT_MOVE / (1.0 + rate);
         let mut least = f64::INFINITY;
@@ -117,7 +117,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
                 let sixth = (45.0 * d(0) - 9.0 * d(1) + d(2)) / (60.0 * h);
                 let fourth = (8.0 * d(0) - d(1)) / (12.0 * h);
                 apart = apart.max((sixth - fourth).abs() / self.displacement[i]);
-                size = size.max((sixth.abs() + self.base.r.v[i].abs() * (1.0 + rate)) / self.displacement[i]);
+                size = size.max((sixth.abs() + self.base.r.at.v[i].abs() * (1.0 + rate)) / self.displacement[i]);
                 self.step[i] = sixth;
             }
             let apart = if size > 0.0 { apart / size } else { 0.0 };
@@ -131,7 +131,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
             }
             s *= 0.25;
         }
-        self.base.r.delta.copy_from_slice(&self.best);
+        self.base.r.at.delta.copy_from_slice(&self.best);
         self.worst = self.worst.max(least);
         Ok(())
     }
@@ -140,7 +140,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
     fn velocity_near(&mut self, t: f64, q: &[f64], u: &[f64], s: f64, i: usize) -> Result<()> {
         let k = u.len();
         self.near.copy_from_slice(q);
-        self.step.iter_mut().zip(&self.base.r.v).for_each(|(x, v)| *x = s * v);
+        self.step.iter_mut().zip(&self.base.r.at.v).for_each(|(x, v)| *x = s * v);
         self.base.r.system.step(&mut self.near, &self.step);
         self.map.tangent(t + s, &self.near, &mut self.dt)?;
         self.map.offset(t + s, &self.near, &mut self.values[i])?;
@@ -155,7 +155,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
         let pattern = self.base.r.system.pattern();
         pattern
             .row(row)
-            .map(|e| (self.base.r.c[e] * self.base.r.scales()[pattern.col_idx[e]]).powi(2))
+            .map(|e| (self.base.r.at.c[e] * self.base.r.scales()[pattern.col_idx[e]]).powi(2))
             .sum::<f64>()
             .sqrt()
     }
@@ -163,7 +163,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
     /// `C x` in row `row`, and its natural size.
     fn along(&self, row: usize, x: impl Fn(usize) -> f64) -> (f64, f64) {
         let pattern = self.base.r.system.pattern();
-        let sum = pattern.row(row).map(|e| self.base.r.c[e] * x(pattern.col_idx[e])).sum();
+        let sum = pattern.row(row).map(|e| self.base.r.at.c[e] * x(pattern.col_idx[e])).sum();
         let large = self.base.r.scales().iter().enumerate().fold(0.0, |m: f64, (i, s)| m.max(x(i).abs() / s));
         (sum, self.row_length(row) * large)
     }
@@ -174,7 +174,7 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
         for row in 0..self.base.r.size().rows {
             let words = || &self.base.r.system.structure().rows[row].description;
             for j in 0..k {
-                let (sum, size) = self.along(row, |i| self.base.r.dt[i * k + j]);
+                let (sum, size) = self.along(row, |i| self.base.r.at.dt[i * k + j]);
                 if sum.abs() > tolerance::WORST_ROUNDING * size {
                     return Err(SystemError::argument(
                         "tangent",
@@ -186,8 +186,8 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
                     ));
                 }
             }
-            let (sum, size) = self.along(row, |i| self.base.r.gamma[i]);
-            let (left, size) = (sum + self.base.r.a[row], size + self.base.r.a[row].abs());
+            let (sum, size) = self.along(row, |i| self.base.r.at.gamma[i]);
+            let (left, size) = (sum + self.base.r.at.a[row], size + self.base.r.at.a[row].abs());
             if left.abs() > tolerance::WORST_ROUNDING * size {
                 return Err(SystemError::argument(
                     "tangent",
@@ -204,12 +204,12 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
 
     /// `C δ + b = 0` at the last evaluation.
     fn check_bias(&self) -> Result<()> {
-        let rate = self.base.r.v.iter().zip(&self.displacement).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
+        let rate = self.base.r.at.v.iter().zip(&self.displacement).fold(0.0, |m: f64, (v, r)| m.max(v.abs() / r));
         for row in 0..self.base.r.size().rows {
-            let (sum, size) = self.along(row, |i| self.base.r.delta[i]);
-            let left = sum + self.base.r.b[row];
+            let (sum, size) = self.along(row, |i| self.base.r.at.delta[i]);
+            let left = sum + self.base.r.at.b[row];
             // where the terms vanish by chance: the size for a velocity changing at the rate of the motion
-            let size = size + self.base.r.b[row].abs() + self.along(row, |i| self.base.r.v[i]).1 * rate;
+            let size = size + self.base.r.at.b[row].abs() + self.along(row, |i| self.base.r.at.v[i]).1 * rate;
             if left.abs() > tolerance::EQUAL_IN_SIX_DIGITS * size {
                 return Err(SystemError::argument(
                     "tangent",
@@ -228,11 +228,11 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
     fn fit(&mut self, t: f64, q: &[f64], v: &[f64]) -> Result<Vec<f64>> {
         let (n, k) = (v.len(), self.base.r.k());
         let (mut mass, mut h) = (vec![0.0; n * n], vec![0.0; n]);
-        self.base.r.system.velocity(t, q, v, &mut self.base.r.scratch, &mut self.base.r.b)?;
+        self.base.r.system.velocity(t, q, v, &mut self.base.r.scratch, &mut self.base.r.at.b)?;
         self.base.r.system.dynamics(t, q, v, &mut self.base.r.scratch, &mut mass, &mut h)?;
         self.base.r.system.add_metric(&mut self.base.r.scratch, &mut mass);
         let mass = Matrix::from_vec(n, n, mass);
-        let d = Matrix::from_vec(n, k, self.base.r.dt.clone());
+        let d = Matrix::from_vec(n, k, self.base.r.at.dt.clone());
         let mut md = d.transpose().matmul(&mass).matmul(&d).into_vec();
         let sigma = quality_of_exact(&md, k).sigma;
         let least = tolerance::DEPENDENT;
@@ -245,12 +245,12 @@ impl<'s, S: ConstrainedSystem> MappedTangent<'s, S> {
                 ),
             ));
         }
-        let rest: Vec<f64> = v.iter().zip(&self.base.r.gamma).map(|(v, g)| v - g).collect();
+        let rest: Vec<f64> = v.iter().zip(&self.base.r.at.gamma).map(|(v, g)| v - g).collect();
         let mut u = d.transpose().matvec(&mass.matvec(&rest));
         dense::cholesky_solve(&md, k, &mut u);
         let off: Vec<f64> = d.matvec(&u).iter().zip(&rest).map(|(x, y)| x - y).collect();
         let length = |x: &[f64]| dense::dot(&mass.matvec(x), x).max(0.0).sqrt();
-        let (off, size) = (length(&off), length(v) + length(&self.base.r.gamma));
+        let (off, size) = (length(&off), length(v) + length(&self.base.r.at.gamma));
         if off > tolerance::EQUAL_IN_SIX_DIGITS * size {
             return Err(SystemError::argument(
                 "tangent",
@@ -296,7 +296,7 @@ impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for MappedTangent<'s, S> {
         self.first = u;
         let (r, named) = (&self.base.r, "the event lists the best choice of coordinates at this time");
         let reason = format!("the user's tangent velocities are integrated; {named}");
-        let (p, quality) = (&r.partition, quality_of_exact(&r.md, r.k()));
+        let (p, quality) = (&r.planned.partition, quality_of_exact(&r.at.md, r.k()));
         self.base.choices = ChoiceLog::default();
         self.base.choices.record(PartitionEvent::new(t, &p.independent, &p.independent, &p.dependent, reason, quality));
         Ok(())
@@ -344,8 +344,8 @@ impl<'s, S: ConstrainedSystem> TangentClosing<'s, S> for MappedTangent<'s, S> {
 /// The velocity with the largest share in the tangent velocity that has no inertia.
 fn without_inertia<S: ConstrainedSystem>(r: &Reduction<S>) -> String {
     let k = r.k();
-    let index = dense::cholesky(&mut r.md.clone(), k).map_or_else(|e| e.index, |()| 0);
-    let share = |i: &usize| r.dt[i * k + index].abs();
+    let index = dense::cholesky(&mut r.at.md.clone(), k).map_or_else(|e| e.index, |()| 0);
+    let share = |i: &usize| r.at.dt[i * k + index].abs();
     let most = (0..r.size().nv).max_by(|a, b| share(a).total_cmp(&share(b))).unwrap_or(0);
     r.system.structure().velocity_name(most)
 }

@@ -185,7 +185,7 @@ pub fn log_det_general(m: &Matrix) -> f64 {
 
 /// D = Dᵀᵀ as a matrix (k x n).
 pub fn tangent<S: partita_system::ConstrainedSystem>(r: &Reduction<S>) -> Matrix {
-    Matrix::from_vec(r.size().nv, r.k(), r.dt.clone()).transpose()
+    Matrix::from_vec(r.size().nv, r.k(), r.at.dt.clone()).transpose()
 }
 
 /// D, γ and δ written out.

@@ -136,7 +136,7 @@ fn kept_factors_converge_linearly() {
         let mut r = Reduction::new(&system, system.size().rows);
         start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
         let mut there = q.clone();
-        there[r.partition.independent[0]] += distance;
+        there[r.planned.partition.independent[0]] += distance;
         let mut closure_errors = Vec::new();
         for _ in 0..3 {
             r.position(0.0, &there).unwrap();
@@ -187,7 +187,7 @@ impl<'s, E: Equations> Watched<'s, E> {
         let r = self.inner.reduction();
         let (nq, k) = (r.size().nq, r.k());
         r.evaluate(t, &y[..nq], &y[nq..nq + k]).unwrap();
-        r.v.clone()
+        r.at.v.clone()
     }
 }
 
@@ -213,7 +213,7 @@ impl<E: Equations> Formulation for Watched<'_, E> {
         let Step { t, y, dy, turns, pace, findings } = step;
         let t = *t;
         let before = (y.to_vec(), self.velocities(t, y));
-        let independent = self.inner.reduction().partition.independent.clone();
+        let independent = self.inner.reduction().planned.partition.independent.clone();
         match self.force {
             None => {
                 self.inner
@@ -228,12 +228,14 @@ impl<E: Equations> Formulation for Watched<'_, E> {
                 let (nq, mut vdot, mut rho) = (r.size().nq, vec![0.0; r.size().nv], vec![0.0; r.size().nv]);
                 r.full_acceleration(&mut vdot);
                 r.measure(t, &y[..nq], &mut rho)?;
-                let Some(&next) = r.partition.dependent.iter().find(|&&i| rho[i] > least) else { return Ok(false) };
+                let Some(&next) = r.planned.partition.dependent.iter().find(|&&i| rho[i] > least) else {
+                    return Ok(false);
+                };
                 r.set_partition(t, &[next])?;
                 (y[nq], dy[nq]) = (before.1[next], vdot[next]);
             }
         }
-        let now = self.inner.reduction().partition.independent.clone();
+        let now = self.inner.reduction().planned.partition.independent.clone();
         if now == independent {
             return Ok(true);
         }

@@ -83,11 +83,11 @@ fn raw_ranking(length: f64, angle: f64) -> Vec<String> {
     let mut r = Reduction::new(&system, 8);
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
     r.evaluate(0.0, &q, &[0.0]).unwrap();
-    let score = |i: usize| determinant::ratio(&r.dt, &r.partition.independent, r.scales(), &[i]);
+    let score = |i: usize| determinant::ratio(&r.at.dt, &r.planned.partition.independent, r.scales(), &[i]);
     let mut order: Vec<usize> = (0..9).collect();
     order.sort_by(|&a, &b| score(b).total_cmp(&score(a)));
     // what the rule takes is the first of them
-    let best = determinant::choose(&r.dt, &r.partition.independent, r.scales());
+    let best = determinant::choose(&r.at.dt, &r.planned.partition.independent, r.scales());
     assert_eq!(best.independent, [order[0]]);
     order.iter().map(|&i| system.structure().velocity_name(i)).collect()
 }
@@ -113,13 +113,13 @@ fn one_turn(equations: impl Equations + 'static, at: impl Fn(f64) -> Vec<f64>, t
         r.evaluate(0.0, &q, &[0.0]).unwrap();
         let x = r.best_switch().unwrap();
         if x.gain > threshold {
-            let enters = r.partition.dependent[x.enters];
+            let enters = r.planned.partition.dependent[x.enters];
             r.set_partition(0.0, &[enters]).unwrap();
             r.evaluate(0.0, &q, &[0.0]).unwrap();
             switches += 1;
         }
         r.measure(0.0, &q, &mut rho).unwrap();
-        least = least.min(rho[r.partition.independent[0]]);
+        least = least.min(rho[r.planned.partition.independent[0]]);
     }
     (switches, least)
 }

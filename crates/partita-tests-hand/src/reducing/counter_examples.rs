@@ -26,14 +26,14 @@ fn chosen(system: &Instant, first: &[usize]) -> [(Vec<usize>, f64); 2] {
     r.refresh_scales(0.0, &q).unwrap();
     r.set_partition(0.0, first).unwrap();
     r.evaluate(0.0, &q, &still).unwrap();
-    let greedy = criterion::choose(&r.dt, n - m, &r.md_factor, &r.s2, None);
+    let greedy = criterion::choose(&r.at.dt, n - m, &r.at.md_factor, &r.scale.s2, None);
     r.set_partition(0.0, &greedy).unwrap();
     r.evaluate(0.0, &q, &still).unwrap();
     let sigma = r.quality(0.0, &q).unwrap().sigma;
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
     r.evaluate(0.0, &q, &still).unwrap();
     let after = r.quality(0.0, &q).unwrap().sigma;
-    [(greedy, sigma), (r.partition.independent.clone(), after)]
+    [(greedy, sigma), (r.planned.partition.independent.clone(), after)]
 }
 
 fn refused(system: &Instant, independent: &[usize]) -> bool {
@@ -123,7 +123,7 @@ fn the_start_reaches_the_guaranteed_quality() {
         let bound = 1.0 / ((1 + k * m) as f64).sqrt();
         assert!(quality.sigma >= bound * (1.0 - 1e-6), "{} below {bound}", quality.sigma);
         // one by one is not in general the volume's maximum
-        behind += usize::from(one_by_one(&rho, k) != r.partition.independent);
+        behind += usize::from(one_by_one(&rho, k) != r.planned.partition.independent);
     }
     assert!(behind > 30, "{behind}");
 }

@@ -56,9 +56,13 @@ const TOLERANCE: f64 = 1e-10;
 fn tangent_at<E: Equations>(system: &UserSystem<E>, t: f64, q: &[f64], v: &[f64]) -> Arc<dyn TangentMap> {
     let mut r = Reduction::new(system, start::analyse(system, t, q).unwrap().rank);
     start::choose_partition(&mut r, t, q, None, None).unwrap();
-    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+    let speeds: Vec<f64> = r.planned.partition.independent.iter().map(|&i| v[i]).collect();
     r.evaluate(t, q, &speeds).unwrap();
-    Arc::new(GivenTangent { dt: mixed(&r.dt, r.partition.independent.len()), gamma: r.gamma, delta: r.delta })
+    Arc::new(GivenTangent {
+        dt: mixed(&r.at.dt, r.planned.partition.independent.len()),
+        gamma: r.at.gamma,
+        delta: r.at.delta,
+    })
 }
 
 /// Directions that are no partition's: each a combination of all, the same ones at all times, so that what is left of

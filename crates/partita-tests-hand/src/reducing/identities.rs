@@ -39,14 +39,14 @@ impl Case<'_> {
         &self.system.equations.c
     }
     fn md(&self) -> Matrix {
-        Matrix::from_vec(self.r.k(), self.r.k(), self.r.md.clone())
+        Matrix::from_vec(self.r.k(), self.r.k(), self.r.at.md.clone())
     }
     fn independent(&self) -> &[usize] {
-        &self.r.partition.independent
+        &self.r.planned.partition.independent
     }
     /// D in ascending order, as opposed to the order of elimination.
     fn dependent(&self) -> Vec<usize> {
-        let mut d = self.r.partition.dependent.clone();
+        let mut d = self.r.planned.partition.dependent.clone();
         d.sort_unstable();
         d
     }
@@ -58,7 +58,7 @@ impl Case<'_> {
         let mut b = forward(&lower(&self.md()), &tangent(&self.r));
         for i in 0..b.rows() {
             for j in 0..b.cols() {
-                b[(i, j)] /= self.r.s2[j].sqrt();
+                b[(i, j)] /= self.r.scale.s2[j].sqrt();
             }
         }
         b
@@ -136,7 +136,7 @@ fn velocities_and_accelerations_satisfy_the_constraints() {
         let e = &case.system.equations;
         let mut vdot = vec![0.0; e.mass.rows()];
         case.r.full_acceleration(&mut vdot);
-        for (x, offset) in [(&case.r.v, &e.a), (&vdot, &e.b)] {
+        for (x, offset) in [(&case.r.at.v, &e.a), (&vdot, &e.b)] {
             for (i, o) in offset.iter().enumerate() {
                 let terms: Vec<f64> = e.c.row(i).iter().zip(x).map(|(c, x)| c * x).collect();
                 near(terms.iter().sum::<f64>(), -o, terms.iter().map(|t| t.abs()).sum::<f64>(), ROUND_OFF);
@@ -144,7 +144,7 @@ fn velocities_and_accelerations_satisfy_the_constraints() {
         }
         // (9), (10): the independent ones are handed on untouched
         for (j, &i) in case.independent().iter().enumerate() {
-            assert_eq!(vdot[i], case.r.vdot_independent[j]);
+            assert_eq!(vdot[i], case.r.at.vdot_independent[j]);
         }
     });
 }
@@ -152,8 +152,8 @@ fn velocities_and_accelerations_satisfy_the_constraints() {
 #[test]
 fn reduced_equations_by_blocks() {
     on_random_systems(3, |_, case| {
-        let (i, d) = (case.independent(), &case.r.partition.dependent);
-        let a = Matrix::from_vec(d.len(), i.len(), case.r.a_matrix.clone());
+        let (i, d) = (case.independent(), &case.r.planned.partition.dependent);
+        let a = Matrix::from_vec(d.len(), i.len(), case.r.at.a_matrix.clone());
         let m = case.mass();
         let (mid, mdd) = (block(m, i, d), block(m, d, d));
         let mixed = mid.matmul(&a);
@@ -164,11 +164,11 @@ fn reduced_equations_by_blocks() {
                 let terms = [m[(i[x], i[y])], mixed[(y, x)], mixed[(x, y)], last[(x, y)]];
                 // A Mᴅᴅ A hides its own cancellation: measured by its diagonal
                 let size = terms.iter().map(|t| t.abs()).sum::<f64>() + (last[(x, x)] * last[(y, y)]).sqrt();
-                near(case.r.md[x * i.len() + y], terms.iter().sum(), size, ROUND_OFF);
+                near(case.r.at.md[x * i.len() + y], terms.iter().sum(), size, ROUND_OFF);
             }
         }
         // (14) and (12)
-        let xi: Vec<f64> = d.iter().map(|&j| case.r.delta[j]).collect();
+        let xi: Vec<f64> = d.iter().map(|&j| case.r.at.delta[j]).collect();
         let h = &case.system.equations.h;
         let (f, g) = (mid.matvec(&xi), mdd.matvec(&xi));
         for x in 0..i.len() {
@@ -177,7 +177,7 @@ fn reduced_equations_by_blocks() {
             let size = terms.iter().map(|t| t.abs()).sum::<f64>();
             near(case.r.reduced_force()[x], terms.iter().sum(), size, ROUND_OFF);
             let products: Vec<f64> =
-                (0..i.len()).map(|y| case.r.md[x * i.len() + y] * case.r.vdot_independent[y]).collect();
+                (0..i.len()).map(|y| case.r.at.md[x * i.len() + y] * case.r.at.vdot_independent[y]).collect();
             let size = size + products.iter().map(|t| t.abs()).sum::<f64>();
             near(products.iter().sum(), case.r.reduced_force()[x], size, ROUND_OFF);
         }
@@ -191,10 +191,17 @@ fn measure_from_both_sides() {
         let b = case.b();
         // (19)
         for i in 0..n {
-            near(case.r.s2[i], case.minv[(i, i)], case.minv[(i, i)], TOLERANCE);
+            near(case.r.scale.s2[i], case.minv[(i, i)], case.minv[(i, i)], TOLERANCE);
         }
         let mut rho = vec![0.0; n];
-        criterion::measure_tangent(&case.r.dt, k, &case.r.md_factor, &case.r.s2, &mut vec![0.0; k], &mut rho);
+        criterion::measure_tangent(
+            &case.r.at.dt,
+            k,
+            &case.r.at.md_factor,
+            &case.r.scale.s2,
+            &mut vec![0.0; k],
+            &mut rho,
+        );
         let other = criterion::measure_constraint(case.mass(), case.c()).unwrap();
         // (20) by the dense projector, not by its factor
         let w = case.c().matmul(&case.minv);
@@ -263,7 +270,7 @@ fn quality_numbers() {
         let mut correlation = block(&case.minv, i, i);
         for x in 0..k {
             for y in 0..k {
-                let n = (case.r.s2[i[x]] * case.r.s2[i[y]]).sqrt();
+                let n = (case.r.scale.s2[i[x]] * case.r.scale.s2[i[y]]).sqrt();
                 scaled[(x, y)] *= n;
                 correlation[(x, y)] /= n;
             }
@@ -285,16 +292,16 @@ fn quality_numbers() {
 fn a_switch_multiplies_the_volume_by_its_gain() {
     let mut seen = 0;
     on_random_systems(7, |rng, mut case| {
-        let (i, d) = (case.independent().to_vec(), case.r.partition.dependent.clone());
+        let (i, d) = (case.independent().to_vec(), case.r.planned.partition.dependent.clone());
         let rows: Vec<usize> = (0..i.len()).collect();
         let b = case.b();
         // (31): B_I Âᵀ = B_D
         let s = case.r.scales();
-        let hat = |p: usize, j: usize| case.r.a_matrix[p * i.len() + j] * s[i[j]] / s[d[p]];
+        let hat = |p: usize, j: usize| case.r.at.a_matrix[p * i.len() + j] * s[i[j]] / s[d[p]];
         let hat_t =
             Matrix::from_vec(i.len(), d.len(), (0..i.len() * d.len()).map(|e| hat(e % d.len(), e / d.len())).collect());
         product_near(&block(&b, &rows, &d), &block(&b, &rows, &i), &hat_t, TOLERANCE);
-        let best = switch::best(&case.r.a_matrix, s, &d, &i).unwrap();
+        let best = switch::best(&case.r.at.a_matrix, s, &d, &i).unwrap();
         let largest = hat_t.data().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         near(best.gain, largest, largest, 2e-9); // ties within 1e-9 go to the first
                                                  // a random switch, not only the best; gains below 1e-3 lead to
@@ -356,12 +363,12 @@ fn three_formulas_for_the_multipliers() {
             near(fitted[i] * w[i], range[i] * w[i], size, tolerance);
         }
         // (41) amplifies what is wrong with M v' − h by 1/√μ at the most, (42) by one
-        let wrong: Vec<f64> = (0..n).map(|i| between(rng, -1.0, 1.0) / case.r.s2[i].sqrt()).collect();
+        let wrong: Vec<f64> = (0..n).map(|i| between(rng, -1.0, 1.0) / case.r.scale.s2[i].sqrt()).collect();
         let norm = dense::dot(&wrong, &case.minv.matvec(&wrong)).sqrt();
-        let mut x: Vec<f64> = case.r.partition.dependent.iter().map(|&i| wrong[i]).collect();
+        let mut x: Vec<f64> = case.r.planned.partition.dependent.iter().map(|&i| wrong[i]).collect();
         case.r.solve_transposed(&mut x);
         let mut lambda = vec![0.0; m];
-        case.r.partition.rows.iter().zip(&x).for_each(|(&row, x)| lambda[row] = *x);
+        case.r.planned.partition.rows.iter().zip(&x).for_each(|(&row, x)| lambda[row] = *x);
         let mc_norm = |x: &[f64]| dense::dot(x, &case.mc.matvec(x)).sqrt();
         assert!(mc_norm(&lambda) <= norm / case.sqrt_mu * (1.0 + 1e-6));
         assert!(mc_norm(&solve(cm.matvec(&wrong))) <= norm * (1.0 + 1e-6));
@@ -380,10 +387,10 @@ fn oblique_corrections_are_at_most_one_over_root_mu_longer() {
             // (33) and (34) for the same Φ
             let phi: Vec<f64> = (0..m).map(|i| between(rng, -1.0, 1.0) * case.mc[(i, i)].sqrt()).collect();
             let orthogonal = mass_norm(&p.correction(&phi));
-            let mut x: Vec<f64> = case.r.partition.rows.iter().map(|&i| -phi[i]).collect();
+            let mut x: Vec<f64> = case.r.planned.partition.rows.iter().map(|&i| -phi[i]).collect();
             case.r.solve(&mut x, 1);
             let mut oblique = vec![0.0; n];
-            case.r.partition.dependent.iter().zip(&x).for_each(|(&i, x)| oblique[i] = *x);
+            case.r.planned.partition.dependent.iter().zip(&x).for_each(|(&i, x)| oblique[i] = *x);
             let ratio = mass_norm(&oblique) / orthogonal;
             assert!(ratio >= 1.0 - 1e-6, "{ratio}");
             assert!(ratio <= (1.0 + 1e-6) / case.sqrt_mu, "{ratio} with √μ = {}", case.sqrt_mu);
@@ -391,12 +398,12 @@ fn oblique_corrections_are_at_most_one_over_root_mu_longer() {
             // a wrong v_I: |Dᵀ δv|² <= δvᵀ ([M⁻¹]_II)⁻¹ δv / μ
             let i = case.independent().to_vec();
             let wrong: Vec<f64> = i.iter().map(|&i| between(rng, -1.0, 1.0) * case.r.scales()[i]).collect();
-            case.r.gamma.fill(0.0);
+            case.r.at.gamma.fill(0.0);
             case.r.spread(&wrong);
             let block = inverse(&block(&case.minv, &i, &i));
             let free = dense::dot(&wrong, &block.matvec(&wrong)).sqrt();
-            assert!(mass_norm(&case.r.v) <= free / case.sqrt_mu * (1.0 + 1e-6));
-            assert!(mass_norm(&case.r.v) >= free * (1.0 - 1e-6));
+            assert!(mass_norm(&case.r.at.v) <= free / case.sqrt_mu * (1.0 + 1e-6));
+            assert!(mass_norm(&case.r.at.v) >= free * (1.0 - 1e-6));
         }
     });
     // with one constraint the bound is reached

@@ -29,14 +29,14 @@ fn find(system: &Instant, v: &[f64]) -> OwnChoice {
     let q = vec![0.0; n];
     let mut r = Reduction::new(&system, m);
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
-    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+    let speeds: Vec<f64> = r.planned.partition.independent.iter().map(|&i| v[i]).collect();
     r.evaluate(0.0, &q, &speeds).unwrap();
     let (mut rho, mut vdot, mut lambda) = (vec![0.0; n], vec![0.0; n], vec![0.0; m]);
     r.measure(0.0, &q, &mut rho).unwrap();
     r.full_acceleration(&mut vdot);
     r.multipliers(0.0, &q, &vdot, &mut lambda).unwrap();
     let quality = r.quality(0.0, &q).unwrap();
-    OwnChoice { independent: r.partition.independent.clone(), quality, rho, vdot, v: r.v.clone(), lambda }
+    OwnChoice { independent: r.planned.partition.independent.clone(), quality, rho, vdot, v: r.at.v.clone(), lambda }
 }
 
 fn random(rng: &mut fastrand::Rng) -> Instant {

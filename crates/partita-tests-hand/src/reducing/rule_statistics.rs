@@ -71,7 +71,7 @@ fn taken(r: &mut Reduction<UserSystem<Instant>>, rule: Selection) -> Vec<usize> 
     start::choose_partition(r, 0.0, &[0.0; 21], None, None).unwrap();
     r.evaluate(0.0, &[0.0; 21], &[0.0; 3]).unwrap();
     match rule {
-        Selection::Collective => r.partition.independent.clone(),
+        Selection::Collective => r.planned.partition.independent.clone(),
         _ => chooser::ask(r, 0.0, rule, None).unwrap().independent,
     }
 }

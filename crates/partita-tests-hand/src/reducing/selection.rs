@@ -25,7 +25,7 @@ fn choose<'s>(
     let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
     let mut r = Reduction::new(system, m);
     let choice = chooser::choose_by(&mut r, 0.0, &vec![0.0; n], rule, weights)?;
-    assert_eq!(choice.independent, r.partition.independent);
+    assert_eq!(choice.independent, r.planned.partition.independent);
     r.evaluate(0.0, &vec![0.0; n], &vec![0.0; n - m])?;
     Ok((choice, r))
 }
@@ -77,10 +77,10 @@ fn determinants_are_the_largest_there_are() {
             // the ratio told for a change is that of the determinants
             for other in subsets(n, k) {
                 let direct = value(&system, &other) - found;
-                let now = &r.partition.independent;
+                let now = &r.planned.partition.independent;
                 let reported = match rule {
-                    Selection::Determinant => determinant::ratio(&r.dt, now, r.scales(), &other),
-                    _ => normalised_determinant::ratio(&r.dt, now, r.scales(), None, &other),
+                    Selection::Determinant => determinant::ratio(&r.at.dt, now, r.scales(), &other),
+                    _ => normalised_determinant::ratio(&r.at.dt, now, r.scales(), None, &other),
                 };
                 assert!((reported - direct.exp()).abs() < 1e-7, "{reported} {}", direct.exp());
             }
@@ -140,7 +140,7 @@ fn displacements_alone_decide_the_geometric_rule() {
         let by = |s: &Instant, l: &[f64], rule| {
             let user_system = s.clone().user_system().with_lengths(l.to_vec());
             let (choice, r) = choose(&user_system, rule, None).unwrap();
-            (choice.independent, r.partition.independent.clone(), r.dt.clone())
+            (choice.independent, r.planned.partition.independent.clone(), r.at.dt.clone())
         };
         let (now, _, dt) = by(&system, &lengths, Selection::Geometric);
         // v = D^T u with D^T = 1 for the coordinate taken

@@ -55,9 +55,10 @@ fn on_random_systems(seed: u64, mut check: impl FnMut(&mut fastrand::Rng, &UserS
         let (q, speeds) = (vector(&mut rng, n), vector(&mut rng, n - m));
         let mut r = Reduction::new(&system, m);
         partita_system::start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
-        let speeds: Vec<f64> = speeds.iter().zip(&r.partition.independent).map(|(v, &i)| v * r.scales()[i]).collect();
+        let speeds: Vec<f64> =
+            speeds.iter().zip(&r.planned.partition.independent).map(|(v, &i)| v * r.scales()[i]).collect();
         r.evaluate(0.0, &q, &speeds).unwrap();
-        let v = r.v.clone();
+        let v = r.at.v.clone();
         check(&mut rng, &system, &q, &v);
     }
 }
@@ -89,16 +90,16 @@ fn evaluated(x: &mut Frozen<UserSystem<Instant>>, q: &[f64], v: &[f64]) -> Vec<f
 
 /// D_Sᵀ: the velocities without those of time alone for each u of one; leaves those of u.
 fn columns(x: &mut Frozen<UserSystem<Instant>>, u: &[f64]) -> Matrix {
-    let (n, k) = (x.seen().v.len(), u.len());
+    let (n, k) = (x.seen().at.v.len(), u.len());
     let mut d = Matrix::new(n, k);
     let mut unit = vec![0.0; k];
     x.spread(&unit);
-    let rest = x.seen().v.clone();
+    let rest = x.seen().at.v.clone();
     for j in 0..k {
         unit.fill(0.0);
         unit[j] = 1.0;
         x.spread(&unit);
-        (0..n).for_each(|i| d[(i, j)] = x.seen().v[i] - rest[i]);
+        (0..n).for_each(|i| d[(i, j)] = x.seen().at.v[i] - rest[i]);
     }
     x.spread(u);
     d
@@ -143,11 +144,11 @@ fn identities_of_the_selector() {
                     let size = lengths[l] / lengths[j] / sigma;
                     near(x.selector().row(l), &|i| d[(i, j)], f64::from(l == j), size, "S D");
                 }
-                near(x.selector().row(j), &|i| x.seen().v[i], u[j], lengths[j] * length(&e.mass, v) / sigma, "S v");
+                near(x.selector().row(j), &|i| x.seen().at.v[i], u[j], lengths[j] * length(&e.mass, v) / sigma, "S v");
                 near(x.selector().row(j), &|i| vdot[i], udot[j], lengths[j] * length(&e.mass, &vdot), "S v'");
             }
             for l in 0..m {
-                near(e.c.row(l), &|i| x.seen().v[i], -e.a[l], 0.0, "C v");
+                near(e.c.row(l), &|i| x.seen().at.v[i], -e.a[l], 0.0, "C v");
                 near(e.c.row(l), &|i| vdot[i], -e.b[l], 0.0, "C v'");
             }
         }
@@ -413,7 +414,7 @@ fn rows_of_the_identity_are_a_partition() {
         let (n, m) = (system.equations.mass.rows(), system.equations.c.rows());
         let mut r = Reduction::new(system, m);
         partita_system::start::choose_partition(&mut r, 0.0, q, None, None).unwrap();
-        let independent = r.partition.independent.clone();
+        let independent = r.planned.partition.independent.clone();
         let u: Vec<f64> = independent.iter().map(|&i| v[i]).collect();
         r.evaluate(0.0, q, &u).unwrap();
         let wanted = r.quality(0.0, q).unwrap();
@@ -423,10 +424,13 @@ fn rows_of_the_identity_are_a_partition() {
         for i in 0..n {
             for j in 0..k {
                 // entries in natural scales
-                let scale = r.scales()[i] / r.scales()[r.partition.independent[j]];
-                assert!((d[(i, j)] - r.dt[i * k + j]).abs() < 1e-10 * scale);
+                let scale = r.scales()[i] / r.scales()[r.planned.partition.independent[j]];
+                assert!((d[(i, j)] - r.at.dt[i * k + j]).abs() < 1e-10 * scale);
             }
-            assert!((x.seen().v[i] - r.v[i]).abs() < 1e-10 * r.scales()[i] * (1.0 + (r.v[i] / r.scales()[i]).abs()));
+            assert!(
+                (x.seen().at.v[i] - r.at.v[i]).abs()
+                    < 1e-10 * r.scales()[i] * (1.0 + (r.at.v[i] / r.scales()[i]).abs())
+            );
         }
         let found = x.quality_here(0.0, q).unwrap();
         assert!((found.sigma - wanted.sigma).abs() < 1e-10, "{} {}", found.sigma, wanted.sigma);
@@ -497,17 +501,17 @@ fn tangent_velocities_of_the_user() {
         let k = n - m;
         let mut r = Reduction::new(system, m);
         partita_system::start::choose_partition(&mut r, 0.0, q, None, None).unwrap();
-        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+        let speeds: Vec<f64> = r.planned.partition.independent.iter().map(|&i| v[i]).collect();
         r.evaluate(0.0, q, &speeds).unwrap();
         // Dᵀ of the partition in natural scales, times a random T, far from singular
         let mut mix = Matrix::from_vec(k, k, vector(rng, k * k));
         (0..k).for_each(|j| mix[(j, j)] += 3.0 * k as f64);
-        let mut dt = Matrix::from_vec(n, k, r.dt.clone());
+        let mut dt = Matrix::from_vec(n, k, r.at.dt.clone());
         for i in 0..n {
-            (0..k).for_each(|j| dt[(i, j)] *= r.scales()[r.partition.independent[j]]);
+            (0..k).for_each(|j| dt[(i, j)] *= r.scales()[r.planned.partition.independent[j]]);
         }
         let dt = dt.matmul(&mix).into_vec();
-        let good = GivenTangent { dt, gamma: r.gamma.clone(), delta: r.delta.clone() };
+        let good = GivenTangent { dt, gamma: r.at.gamma.clone(), delta: r.at.delta.clone() };
         let scales = r.scales().to_vec();
         let start = |map: &GivenTangent, v: &[f64]| {
             let options = FormulationOptions { tangent: Some(Arc::new(map.clone())), ..uncorrected() };
@@ -538,7 +542,7 @@ fn tangent_velocities_of_the_user() {
         assert!(words.contains("offset") && words.contains("C gamma + a"), "{words}");
         let mut bad = good.clone();
         bad.delta[off] +=
-            10.0 * scales[off] * (1.0 + r.delta.iter().zip(&scales).fold(0.0, |m: f64, (d, s)| m.max(d.abs() / s)));
+            10.0 * scales[off] * (1.0 + r.at.delta.iter().zip(&scales).fold(0.0, |m: f64, (d, s)| m.max(d.abs() / s)));
         let words = start(&bad, v).err().unwrap().to_string();
         assert!(words.contains("bias") && words.contains("C delta + b"), "{words}");
         let mut wrong = v.to_vec();

@@ -92,12 +92,13 @@ impl Moment {
         }
         let mut r = Reduction::new(model, found.rank);
         start::choose_partition(&mut r, t, &q, None, None).ok()?;
-        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| v[i]).collect();
+        let speeds: Vec<f64> = r.planned.partition.independent.iter().map(|&i| v[i]).collect();
         r.evaluate(t, &q, &speeds).ok()?;
         if r.quality(t, &q).ok()?.sqrt_mu < WELL_POSED {
             return None;
         }
-        let mut moment = Self { t, q, v: r.v.clone(), vdot: v, lambda: vec![0.0; model.size().rows], rank: found.rank };
+        let mut moment =
+            Self { t, q, v: r.at.v.clone(), vdot: v, lambda: vec![0.0; model.size().rows], rank: found.rank };
         r.full_acceleration(&mut moment.vdot);
         r.multipliers(t, &moment.q, &moment.vdot, &mut moment.lambda).ok()?;
         Some(moment)
@@ -115,20 +116,20 @@ impl Moment {
         }
         for _ in 0..3 {
             start::choose_partition(&mut r, t, &q, None, None).ok()?;
-            r.gamma.fill(0.0);
+            r.at.gamma.fill(0.0);
             let move_by: Vec<f64> = (0..r.k()).map(|_| between(rng, -0.3, 0.3)).collect();
             r.spread(&move_by);
-            if r.v.iter().any(|x| x.abs() > 1.0) {
+            if r.at.v.iter().any(|x| x.abs() > 1.0) {
                 return None;
             }
-            model.step(&mut q, &r.v.clone());
+            model.step(&mut q, &r.at.v.clone());
             model.normalise(&mut q);
             assembly::close(model, t, &mut q, 1e-9, &[]).ok()?;
         }
         start::choose_partition(&mut r, t, &q, None, None).ok()?;
         let speeds: Vec<f64> = (0..r.k()).map(|_| between(rng, -1.0, 1.0)).collect();
         r.evaluate(t, &q, &speeds).ok()?;
-        let v = r.v.clone();
+        let v = r.at.v.clone();
         Self::at(model, t, q, v)
     }
 }

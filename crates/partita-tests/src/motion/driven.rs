@@ -164,7 +164,7 @@ fn speeds_that_nobody_asked_for_take_the_least_energy() {
             if k < 2 {
                 return;
             }
-            let first = r.partition.independent[0];
+            let first = r.planned.partition.independent[0];
             let v = velocity::with_rates(&mut r, m.t, &m.q, &[(first, 1.3)]).unwrap();
             assert!((v[first] - 1.3).abs() < 1e-9);
             let (mut x, mut mass, mut h) = (model.scratch(), vec![0.0; n * n], vec![0.0; n]);
@@ -178,7 +178,7 @@ fn speeds_that_nobody_asked_for_take_the_least_energy() {
             };
             // the other columns of D^T are such motions
             for j in 1..k {
-                let motion: Vec<f64> = (0..n).map(|i| r.dt[i * k + j]).collect();
+                let motion: Vec<f64> = (0..n).map(|i| r.at.dt[i * k + j]).collect();
                 let size = (along(&motion, &motion) * along(&v, &v)).sqrt();
                 // round-off times the conditions of M and of the choice
                 assert!(along(&motion, &v).abs() < 1e-10 * size, "{:e}", along(&motion, &v) / size);

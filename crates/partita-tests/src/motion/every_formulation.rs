@@ -41,9 +41,9 @@ impl TangentMap for AtOnePoint {
 fn tangent_at(model: &Model, m: &Moment) -> AtOnePoint {
     let mut r = Reduction::dense(model, m.rank);
     start::choose_partition(&mut r, m.t, &m.q, None, None).unwrap();
-    let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| m.v[i]).collect();
+    let speeds: Vec<f64> = r.planned.partition.independent.iter().map(|&i| m.v[i]).collect();
     r.evaluate(m.t, &m.q, &speeds).unwrap();
-    AtOnePoint { dt: r.dt.clone(), gamma: r.gamma.clone(), delta: r.delta.clone() }
+    AtOnePoint { dt: r.at.dt.clone(), gamma: r.at.gamma.clone(), delta: r.at.delta.clone() }
 }
 
 /// Cᵀ λ.

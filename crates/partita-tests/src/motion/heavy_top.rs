@@ -242,7 +242,7 @@ fn a_chart_of_turns_moves_as_its_ball_turns() {
             y[..3].copy_from_slice(&[0.5 * size, -size, 0.7 * size]);
             let mut dy = vec![0.0; y.len()];
             f.rates(0.0, &y, &mut dy, Depth::Rates).unwrap();
-            let (middle, v) = (f.position().to_vec(), f.reduction().v.clone());
+            let (middle, v) = (f.position().to_vec(), f.reduction().at.v.clone());
             // rotation and place a little further along p', against the turn by ω and the step by v
             let h = 1e-4;
             let mut along = |s: f64| {

@@ -21,12 +21,12 @@ const FAR_AWAY: f64 = 4.0;
 /// The smallest singular value of the kept rows of C, rows and columns in characteristic displacements.
 fn least_singular_value(r: &Reduction<Model>, model: &Model) -> f64 {
     let pattern = model.pattern();
-    let mut c = Matrix::new(r.partition.rows.len(), model.size().nv);
-    for (row, &i) in r.partition.rows.iter().enumerate() {
+    let mut c = Matrix::new(r.planned.partition.rows.len(), model.size().nv);
+    for (row, &i) in r.planned.partition.rows.iter().enumerate() {
         let size = model.structure().rows[i].size();
         for e in pattern.row(i) {
             let column = pattern.col_idx[e];
-            c.row_mut(row)[column] += r.c[e] * model.structure().displacement(column) / size;
+            c.row_mut(row)[column] += r.at.c[e] * model.structure().displacement(column) / size;
         }
     }
     svd(&c).unwrap().s.last().copied().unwrap()
@@ -55,7 +55,7 @@ fn seen(r: &mut Reduction<Model>, m: &Moment, independent: &[usize]) -> StateQua
     r.measure(m.t, &m.q, &mut rho).unwrap();
     let q = r.quality(m.t, &m.q).unwrap();
     StateQuantities {
-        v: r.v.clone(),
+        v: r.at.v.clone(),
         vdot,
         lambda,
         rho2: rho.iter().map(|x| x * x).collect(),
@@ -66,7 +66,7 @@ fn seen(r: &mut Reduction<Model>, m: &Moment, independent: &[usize]) -> StateQua
 fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
     let mut dense = Reduction::dense(model, m.rank);
     start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
-    let independent = dense.partition.independent.clone();
+    let independent = dense.planned.partition.independent.clone();
     let expected = seen(&mut dense, m, &independent);
     for recursion in [Preference::PartialVelocities, Preference::RangeSpace] {
         let model = compile(&model.spec, model.coordinates()).unwrap().with_recursion(recursion);
@@ -81,7 +81,7 @@ fn agrees(model: &Model, m: &Moment, one_cluster: bool) {
         ] {
             assert!(apart(x, y) < CLOSE, "{recursion:?}: {what} differ by {:.1e}", apart(x, y));
         }
-        if one_cluster && r.clusters.count == 1 {
+        if one_cluster && r.planned.clusters.count == 1 {
             assert!(
                 apart(&found.quality, &expected.quality) < 1e-6,
                 "{recursion:?}: {:?} {:?}",
@@ -283,7 +283,7 @@ fn chains_rings_and_rows_of_loops_move_as_one_dense_mass_matrix_says() {
         let (model, q, rank) = start_of(&spec);
         let mut r = Reduction::new(&model, rank);
         start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
-        let independent = r.partition.independent.clone();
+        let independent = r.planned.partition.independent.clone();
         let mut m = Moment { t: 0.0, q, v: vec![0.0; r.size().nv], vdot: vec![], lambda: vec![], rank };
         for (j, &i) in independent.iter().enumerate() {
             m.v[i] = 0.3 + 0.1 * (j as f64).sin();
@@ -339,7 +339,7 @@ fn the_criterion_of_large_clusters_is_that_of_the_dense_equations() {
         let rank = start::analyse(&model, 0.0, &q).unwrap().rank;
         let mut dense = Reduction::dense(&model, rank);
         start::choose_partition(&mut dense, 0.0, &q, None, None).unwrap();
-        let independent = dense.partition.independent.clone();
+        let independent = dense.planned.partition.independent.clone();
         assert!(independent.len() > 100);
         let mut r = Reduction::new(&model, rank);
         let [expected, found] = [&mut dense, &mut r].map(|r| {

@@ -312,9 +312,9 @@ fn the_plane_is_a_part_of_space() {
         assert_eq!(found.rank, m.rank, "the same degrees of freedom");
         let mut r = Reduction::new(&space, found.rank);
         start::choose_partition(&mut r, m.t, &m.q, None, None).unwrap();
-        let speeds: Vec<f64> = r.partition.independent.iter().map(|&i| m.v[i]).collect();
+        let speeds: Vec<f64> = r.planned.partition.independent.iter().map(|&i| m.v[i]).collect();
         r.evaluate(m.t, &m.q, &speeds).unwrap();
-        let mut other = Moment { v: r.v.clone(), ..m.clone() };
+        let mut other = Moment { v: r.at.v.clone(), ..m.clone() };
         r.full_acceleration(&mut other.vdot);
         assert!(apart(&m.v, &other.v) < 1e-10 && apart(&m.vdot, &other.vdot) < 1e-9, "{:?} {:?}", m.vdot, other.vdot);
         assert!(apart(&accelerations(model, m), &accelerations(&space, &other)) < DIFFERENCE);

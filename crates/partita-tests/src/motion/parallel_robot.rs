@@ -91,7 +91,7 @@ fn the_largest_measures_are_collectively_singular() {
     r.measure(0.0, &q, &mut rho).unwrap();
     let sigma = r.quality(0.0, &q).unwrap().sigma;
     // the collective choice; 0.464 is what P5 finds here
-    assert!(sigma >= 0.46, "σ = {sigma} with {:?}, {rho:?}", r.partition.independent);
+    assert!(sigma >= 0.46, "σ = {sigma} with {:?}, {rho:?}", r.planned.partition.independent);
     // one by one: the three base angles
     let top = one_by_one(&rho, 3);
     let names: Vec<String> = top.iter().map(|&i| model.structure().velocity_name(i)).collect();

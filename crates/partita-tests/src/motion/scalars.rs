@@ -200,7 +200,7 @@ struct Chosen<'m> {
 fn choices<'m>(model: &'m Model, others: &'m [Model; 2], m: &Moment) -> Vec<Chosen<'m>> {
     let mut dense = Reduction::dense(model, m.rank);
     start::choose_partition(&mut dense, m.t, &m.q, None, None).unwrap();
-    let independent = dense.partition.independent.clone();
+    let independent = dense.planned.partition.independent.clone();
     let mut all = vec![Chosen { recursion: "M_d", reduction: dense }];
     for (recursion, model) in ["partial velocities", "range space"].into_iter().zip(others) {
         let mut reduction = Reduction::new(model, m.rank);

@@ -19,7 +19,7 @@ impl TangentMap for Partitioned<'_> {
         let mut r = self.0.lock().unwrap();
         r.position(t, q)?;
         r.tangent(t)?;
-        dt.copy_from_slice(&r.dt);
+        dt.copy_from_slice(&r.at.dt);
         Ok(())
     }
 }
@@ -33,7 +33,7 @@ fn count(model: &'static Model, what: &str) {
     start::choose_partition(&mut r, 0.0, &q, None, None).unwrap();
     let speeds: Vec<f64> = (0..r.k()).map(|i| 0.3 + 0.1 * i as f64).collect();
     r.evaluate(0.0, &q, &speeds).unwrap();
-    let v = r.v.clone();
+    let v = r.at.v.clone();
     let tangent: Arc<dyn TangentMap> = Arc::new(Partitioned(Mutex::new(r)));
     let options = FormulationOptions { tangent: Some(tangent), ..FormulationOptions::default() };
     let bases = ["zero-eigenvalue", "svd", "qr", "liang-lance", "gram-schmidt", "tangent-space", "user-tangent"];

@@ -54,23 +54,23 @@ impl Checks {
         drift: Option<(f64, f64)>,
     ) {
         let s = r.scales();
-        let (speed, strongest) = (length(s, |i| r.v[i]), r.strongest(vdot).max(r.fastest().powi(2)));
+        let (speed, strongest) = (length(s, |i| r.at.v[i]), r.strongest(vdot).max(r.fastest().powi(2)));
         self.trial_sizes = (self.sizes.0.max(speed), self.sizes.1.max(strongest));
         let (violation, row) = r.acceleration_gap(vdot);
         self.trial.acceleration = Gap { part: in_parts(violation, self.trial_sizes.1), t, row };
         self.trial.jump = self.jump(t, r);
         let part = drift.map_or(0.0, |(violation, distance)| in_parts(violation, distance * distance));
         self.trial.branch = Gap { part, t, row: 0 };
-        self.trial.speed = s.iter().zip(&r.v).fold(0.0, |m, (s, v)| m.max((v / s).abs()));
+        self.trial.speed = s.iter().zip(&r.at.v).fold(0.0, |m, (s, v)| m.max((v / s).abs()));
     }
 
     /// Difference of velocities from the integrated ones, relative to the speed.
     fn jump<S: ConstrainedSystem>(&mut self, t: f64, r: &Reduction<S>) -> Gap {
         let s = r.scales();
-        let part = match self.integrated.len() == r.v.len() {
+        let part = match self.integrated.len() == r.at.v.len() {
             true => {
-                let speed = self.trial_sizes.0.max(length(s, |i| r.v[i]));
-                in_parts(length(s, |i| r.v[i] - self.integrated[i]), speed)
+                let speed = self.trial_sizes.0.max(length(s, |i| r.at.v[i]));
+                in_parts(length(s, |i| r.at.v[i] - self.integrated[i]), speed)
             }
             false => 0.0,
         };

@@ -78,7 +78,7 @@ impl CompiledMotion {
     /// The rates of (q, u, work), and of v, at (t, y) by the code for the choice in use; none where there is no code, or where
     /// it does not apply.
     fn evaluate<S: ConstrainedSystem>(&mut self, r: &Reduction<S>, t: f64, y: &[f64]) -> Option<[&[f64]; 2]> {
-        if self.plan != r.plans || !self.fits {
+        if self.plan != r.counts.plans || !self.fits {
             self.fit(r)?;
         }
         let CompiledCode { code, lookups } = self.rates.as_ref()?.code()?;
@@ -105,8 +105,8 @@ impl CompiledMotion {
     /// The code for the choice in use, made if it is due, and memory for it; none while there is no code.
     #[inline(never)]
     fn fit<S: ConstrainedSystem>(&mut self, r: &Reduction<S>) -> Option<()> {
-        if self.plan != r.plans {
-            self.plan = r.plans;
+        if self.plan != r.counts.plans {
+            self.plan = r.counts.plans;
             self.rates = r.system.compiled_rates(&r.choice());
             self.vdot_count = if self.moves || r.by_clusters() { r.size().nv } else { 0 };
             self.watched_count = r.rank() + 1;
@@ -150,7 +150,7 @@ impl CompiledMotion {
     fn is_at<S: ConstrainedSystem>(&self, r: &Reduction<S>, t: f64, y: &[f64]) -> bool {
         let (states, rest) = self.inputs.split_at(self.states);
         let is_given = |(i, x): (usize, &f64)| r.system.given_number(i) == *x;
-        self.plan == r.plans
+        self.plan == r.counts.plans
             && rest[0] == t
             && *states == y[..states.len()]
             && rest[1..=self.given].iter().enumerate().all(is_given)
@@ -207,7 +207,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             self.prescribed.pick(rates, vdot, &mut dy[beside..]);
         }
         compiled.count += 1;
-        r.factorisations += u64::from(r.rank() > 0);
+        r.counts.factorisations += u64::from(r.rank() > 0);
         self.standing = Standing::Behind;
         true
     }

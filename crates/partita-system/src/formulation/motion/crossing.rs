@@ -54,7 +54,7 @@ enum Pacing {
 
 /// The sides of C_D at the end of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Passage {
+enum SideChange {
     /// Those of its start.
     Same,
     /// Others: C_D was singular within it, the mechanism close to it.
@@ -77,12 +77,12 @@ pub(super) enum Shown {
 /// The end of the step that was judged last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Judgement {
-    passage: Passage,
+    side: SideChange,
     pub(super) shown: Shown,
 }
 
 impl Judgement {
-    const REGULAR: Self = Self { passage: Passage::Same, shown: Shown::Regular };
+    const REGULAR: Self = Self { side: SideChange::Same, shown: Shown::Regular };
 }
 
 /// Motion since the last singular position, and indications of the next from the current and the last step.
@@ -157,7 +157,7 @@ impl CrossingMonitor {
 
     /// Did C_D change sides over the step that was judged?
     pub(super) fn flipped(&self) -> bool {
-        self.attempted.passage == Passage::Changed
+        self.attempted.side == SideChange::Changed
     }
 
     /// Is the step that was judged one across a singular position?
@@ -195,7 +195,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.standing = Standing::Elsewhere;
         let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
         self.tangent.full_acceleration(&mut self.vdot);
-        let v = &self.tangent.seen().v;
+        let v = &self.tangent.seen().at.v;
         let moved: Vec<f64> = v.iter().zip(&self.vdot).map(|(v, a)| ahead * (v + 0.5 * ahead * a)).collect();
         let mut q = self.positions.q().to_vec();
         self.system.step(&mut q, &moved);
@@ -241,9 +241,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             return None;
         }
         let rank = self.tangent.seen().rank();
-        let mut best = Reduction::new(self.system.clone(), rank).keeping(&self.tangent.seen().partition.rows);
+        let mut best = Reduction::new(self.system.clone(), rank).keeping(&self.tangent.seen().planned.partition.rows);
         choose_partition(&mut best, t, q, None, None).ok()?;
-        Some(ReplacementRows { distance: best.distance().0, rows: best.partition.rows })
+        Some(ReplacementRows { distance: best.distance().0, rows: best.planned.partition.rows })
     }
 
     /// Distance from a singular position at the point (t, q) last evaluated, inside the step that was judged, and the
@@ -281,27 +281,27 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let r = self.tangent.seen();
         let largest =
             |x: &[f64]| (0..x.len()).fold(0.0, |m: f64, i| m.max(x[i].abs() / self.system.structure().displacement(i)));
-        self.monitor.fastest = (largest(&r.v), largest(&self.vdot));
-        self.monitor.step_end.start(t, self.positions.q(), &r.v, &self.vdot);
+        self.monitor.fastest = (largest(&r.at.v), largest(&self.vdot));
+        self.monitor.step_end.start(t, self.positions.q(), &r.at.v, &self.vdot);
         self.monitor.judge(Judgement::REGULAR);
         if self.margin.is_none() {
             return;
         }
         self.tangent.sides(&mut self.monitor.sides_ahead);
-        let mut passage = Passage::Same;
+        let mut side = SideChange::Same;
         if self.monitor.sides.differ(&self.monitor.sides_ahead) {
             let loss = self.loss();
             if !matches!(loss, Loss::Mechanism) {
                 self.monitor.serving = if let Loss::Rows(rows) = loss { Some(rows) } else { None };
                 if self.monitor.spoilt_in_a_row < MOST_SPOILT {
-                    self.monitor.judge(Judgement { passage, shown: Shown::Spoilt });
+                    self.monitor.judge(Judgement { side, shown: Shown::Spoilt });
                 }
                 return;
             }
-            passage = Passage::Changed;
+            side = SideChange::Changed;
         }
-        self.monitor.judge(Judgement { passage, shown: Shown::Regular });
-        let flipped = passage == Passage::Changed;
+        self.monitor.judge(Judgement { side, shown: Shown::Regular });
+        let flipped = side == SideChange::Changed;
         if !flipped && self.monitor.crossing.zero().is_some_and(|zero| zero < t) && self.stays_clear() {
             self.monitor.crossing.forget();
         }
@@ -322,7 +322,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             Pacing::Free if jumps || barred => Shown::Jumped,
             _ => Shown::Regular,
         };
-        self.monitor.judge(Judgement { passage, shown });
+        self.monitor.judge(Judgement { side, shown });
     }
 
     /// Singular positions that the step that was judged may have passed unforeseen.

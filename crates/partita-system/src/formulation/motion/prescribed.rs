@@ -138,11 +138,11 @@ impl<S: ConstrainedSystem> Prescribed<S> {
             let (violation, sizes) = match at {
                 Prescribing::Integrated(..) => self.condition(system, row, row_size),
                 Prescribing::Here => {
-                    let rate = r.row_times(row, &r.v) + r.a[row];
-                    ([r.phi.get(row).copied().unwrap_or(0.0), rate], [0.0; 2])
+                    let rate = r.row_times(row, &r.at.v) + r.at.a[row];
+                    ([r.at.phi.get(row).copied().unwrap_or(0.0), rate], [0.0; 2])
                 }
             };
-            let kept = r.partition.rows.contains(&row);
+            let kept = r.planned.partition.rows.contains(&row);
             *out = Prescription { violation, bias: self.b[row], sizes, row_size, kept };
         }
         Ok(())

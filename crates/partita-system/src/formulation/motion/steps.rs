@@ -29,13 +29,13 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         } else if behind {
             // counted where it was evaluated by code
             let r = self.tangent.reduction();
-            r.factorisations -= u64::from(r.rank() > 0);
+            r.counts.factorisations -= u64::from(r.rank() > 0);
             if !self.end_by_code(t, y, None, behind)? {
                 self.evaluate(t, y)?;
             }
         }
         self.standing = Standing::End(self.levels_at);
-        self.prescribed.look_at_end(self.positions.q(), &self.tangent.seen().v);
+        self.prescribed.look_at_end(self.positions.q(), &self.tangent.seen().at.v);
         self.closure.look(t, self.tangent.seen());
         self.closure.check(t, self.positions.q(), self.tangent.seen())?;
         self.margin = self.tangent.margin();
@@ -172,7 +172,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
         let (p, w) = self.offsets();
         self.standing = Standing::Elsewhere;
-        self.v.copy_from_slice(&self.tangent.seen().v);
+        self.v.copy_from_slice(&self.tangent.seen().at.v);
         self.tangent.full_acceleration(&mut self.vdot);
         let mut q = self.positions.q().to_vec();
         if !self.tangent.renew(t, &mut q, &self.v, why)? {
@@ -181,7 +181,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.positions.rewrite(&mut self.tangent, &q, y);
         self.tangent.select(&self.v, &mut y[p..w]);
         self.tangent.select(&self.vdot, &mut dy[p..w]); // S δ = 0
-        self.tangent.reduction().v.copy_from_slice(&self.v);
+        self.tangent.reduction().at.v.copy_from_slice(&self.v);
         self.positions.rates(&mut self.tangent, &y[p..w], dy);
         Ok(true)
     }
