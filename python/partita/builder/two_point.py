@@ -170,8 +170,8 @@ def add_gas_strut(
     >>> m = pt.Mechanism("tailgate", gravity=(0, -9.81, 0))
     >>> gate = m.add_rod("gate", start=(0, 0, 0), end=(1, 0, 0), mass=8.0)
     >>> hinge = m.add_revolute("hinge", m.ground, gate, point=(0, 0, 0))
-    >>> sheet = {"force": "400 N", "progression": 1.35, "stroke": "200 mm", "length": "500 mm"}
-    >>> strut = m.add_gas_strut("strut", m.ground, (0, -0.4, 0), gate, (0.2, 0, 0), **sheet, damping=300.0)
+    >>> strut = m.add_gas_strut("strut", m.ground, (0, -0.4, 0), gate, (0.2, 0, 0), force="400 N", progression=1.35,
+    ...                         stroke="200 mm", length="500 mm", damping=300.0)
     >>> run = m.simulate(1.0)
     >>> bool(run.joint("hinge").displacement[-1] > 0.1)   # it lifts the gate
     True

@@ -51,6 +51,12 @@ pub(crate) enum Lengths {
     Fixed,
 }
 
+/// Writes the watched functions where an evaluation was made.
+pub(crate) type Read<'r> = &'r mut dyn FnMut(&mut [Reading]);
+
+/// Receives the track, a time, and what reads the functions there.
+pub(crate) type Beside<'b> = &'b mut dyn FnMut(&Track, f64, Read<'_>);
+
 /// The concluded step: both ends, the state at any time inside, the watched functions along it.
 pub(crate) struct StepView<'m> {
     pub(crate) formulation: &'m mut dyn Formulation,
@@ -101,11 +107,7 @@ impl StepView<'_> {
     ///
     /// # Errors
     /// Where something cannot be evaluated there.
-    pub(crate) fn sample(
-        &mut self,
-        t: f64,
-        beside: &mut dyn FnMut(&Track, f64, &mut dyn FnMut(&mut [Reading])),
-    ) -> Result<(), StepFailure<SystemError>> {
+    pub(crate) fn sample(&mut self, t: f64, beside: Beside) -> Result<(), StepFailure<SystemError>> {
         let track = &*self.track;
         let mut look = |t: f64, formulation: &mut dyn Formulation| {
             beside(track, t, &mut |out| {
