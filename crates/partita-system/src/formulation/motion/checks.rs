@@ -81,7 +81,8 @@ impl Checks {
     /// The end of a step, at this distance from a singular position, the start at the distance `before`. What comes near and
     /// recedes without crossing one has passed it.
     fn approach(&mut self, near: Gap, before: Option<f64>, crosses: bool) {
-        let falls = before.is_some_and(|before| near.part > (before * before).recip());
+        // one that only its rounding moves does not fall
+        let falls = before.is_some_and(|before| near.part * before * before > 1.0 + tolerance::EQUAL);
         self.trial_nearest = if falls && !crosses { near } else { Gap::default() };
         if !falls && !crosses {
             self.trial.nearest = self.nearest;
