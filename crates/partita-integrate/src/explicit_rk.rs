@@ -194,11 +194,10 @@ impl ExplicitRungeKutta {
         Ok(if better.is_finite() { better.max(least).min(longest) } else { guess })
     }
 
-    /// Signed step and its end: `t_end`, the next grid point or the next discontinuity if within reach, so that they
-    /// are met exactly.
+    /// Signed step and its end: `t_end`, the next grid point or the goal if within reach, so that they are met exactly.
     fn plan(&self) -> (f64, f64) {
         let first = |a: f64, b: f64| if (b - a) * self.direction < 0.0 { b } else { a };
-        let ahead = || self.goal.into_iter().chain(self.next_discontinuity()).fold(self.t_end, first);
+        let ahead = || self.goal.into_iter().fold(self.t_end, first);
         let goal = self.grid.as_ref().map_or_else(ahead, FixedGrid::goal);
         let rest = goal - self.t_old;
         if rest.abs() <= tolerance::TO_THE_END * self.step {
@@ -209,35 +208,13 @@ impl ExplicitRungeKutta {
         (t_new - self.t_old, t_new)
     }
 
-    /// The discontinuity at t, which may have been found up to rounding: a step that ends beside it cannot go on.
-    fn exactly(&self, t: f64) -> f64 {
-        let discontinuities = &self.options.discontinuities;
-        let i = discontinuities.partition_point(|c| *c < t);
-        let beside = [i.checked_sub(1), Some(i)].into_iter().flatten().filter_map(|i| discontinuities.get(i));
-        beside.copied().find(|c| (c - t).abs() <= tolerance::SUM_ROUNDING * t.abs()).unwrap_or(t)
-    }
-
-    fn is_discontinuity(&self, t: f64) -> bool {
-        self.options.discontinuities.binary_search_by(|c| c.total_cmp(&t)).is_ok()
-    }
-
     /// Where a step to t_new is evaluated at its end: where its slopes may jump, before that.
     fn before_jumps(&self, t_new: f64, h: f64) -> f64 {
-        let jumps = (self.goal == Some(t_new) && !self.corner_ahead) || self.is_discontinuity(t_new);
+        let jumps = self.goal == Some(t_new) && !self.corner_ahead;
         match self.grid.is_none() && jumps {
             true => t_new - self.direction * f64::EPSILON * t_new.abs().max(h.abs()),
             false => t_new,
         }
-    }
-
-    /// The first discontinuity ahead, if one comes before the end.
-    fn next_discontinuity(&self) -> Option<f64> {
-        let (discontinuities, t) = (&self.options.discontinuities, self.t_old);
-        let next = match self.direction > 0.0 {
-            true => discontinuities.get(discontinuities.partition_point(|c| *c <= t)),
-            false => discontinuities.partition_point(|c| *c < t).checked_sub(1).and_then(|i| discontinuities.get(i)),
-        };
-        next.copied().filter(|c| (c - self.t_end) * self.direction < 0.0)
     }
 
     /// All stages of a step and its end. An error comes with its time.

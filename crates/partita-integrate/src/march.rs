@@ -276,7 +276,8 @@ impl March {
         let from = self.stepper.current();
         let Some(across) = pace.across else {
             self.course = Course::Along;
-            let goal = self.watches.breakpoints.ahead(&self.track, pace.next, self.tolerance.0);
+            let to = (from.t_old, from.t_end);
+            let goal = self.watches.ahead(&self.track, to, pace.next, self.tolerance.0);
             return self.stepper.plan(&StepPlan { length: pace.next, goal });
         };
         self.course = Course::Across;

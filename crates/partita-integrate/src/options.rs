@@ -48,9 +48,6 @@ pub struct Options {
     pub fixed_step: Option<f64>,
     /// Length of the first step under error control; chosen by the stepper when absent.
     pub first_step: Option<f64>,
-    /// Ascending times of discontinuities: under error control steps end there, so that none is passed unseen
-    /// and none spoils the order of a step.
-    pub discontinuities: Vec<f64>,
 }
 
 impl Default for Options {
@@ -63,7 +60,6 @@ impl Default for Options {
             max_step: f64::INFINITY,
             fixed_step: None,
             first_step: None,
-            discontinuities: Vec::new(),
         }
     }
 }

@@ -293,7 +293,6 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         system.agree(t0, q, v)?;
         let mut settings = request.settings()?;
         let watched = system.watched();
-        settings.options.discontinuities = watched.discontinuities;
         let ends = watched.domain.filter(|(end, _)| within(*end, request));
         if let Some((end, _)) = &ends {
             settings.t_end = *end;
@@ -305,7 +304,7 @@ impl<'s, S: Balance<Scratch: Send>> Prepared<'s, S> {
         if !unread.is_empty() {
             notes.push(format!("formulation \"{}\" does not use {}", request.formulation, unread.join(", ")));
         }
-        let discontinuity = settings.options.discontinuities.iter().copied().find(|t| *t > t0);
+        let discontinuity = watched.discontinuities.iter().copied().find(|t| *t > t0);
         let end = discontinuity.map_or(settings.t_end, |discontinuity| discontinuity.min(settings.t_end));
         let mut recipe = Recipe { formulation: request.formulation.clone(), rank: 0, options };
         let to = (end, request.rtol);

@@ -145,7 +145,6 @@ impl Request {
             max_step: self.max_step.unwrap_or(f64::INFINITY),
             fixed_step: self.step,
             first_step: None,
-            discontinuities: Vec::new(),
         };
         Ok(Settings { t_end: self.t_end, method, options, max_steps: self.max_steps })
     }

@@ -27,7 +27,7 @@ impl StepControl for ExplicitRungeKutta {
     fn plan(&mut self, plan: &StepPlan) {
         let length = plan.length.abs();
         self.step = self.memory.as_ref().map_or(length, |memory| memory.limited(length));
-        self.goal = plan.goal.map(|t| self.exactly(t));
+        self.goal = plan.goal;
         self.corner_ahead = false;
     }
 
@@ -60,7 +60,7 @@ impl StepControl for ExplicitRungeKutta {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
         // what happens where a step was to end, the method does not know: its slopes may jump there
-        let changes = self.goal == Some(self.t_new) || self.is_discontinuity(self.t_new);
+        let changes = self.goal == Some(self.t_new);
         self.sloped_at = self.before_jumps(self.t_new, self.attempted_h);
         self.corner_behind = self.corner_ahead && self.goal == Some(self.t_new);
         self.corner_ahead = false;
@@ -110,7 +110,7 @@ impl StepControl for ExplicitRungeKutta {
     fn end_at(&mut self, t: f64) {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         self.step = self.step.max(self.attempted_h.abs());
-        self.goal = Some(self.exactly(t));
+        self.goal = Some(t);
         self.corner_ahead = false;
         self.throw_away();
     }

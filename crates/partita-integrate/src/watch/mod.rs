@@ -10,6 +10,7 @@ mod guards;
 mod prescribed;
 mod singular;
 mod singular_times;
+mod times;
 mod track;
 mod view;
 
@@ -21,6 +22,7 @@ use partita_system::SystemError;
 use prescribed::PrescribedWatch;
 use singular::SingularWatch;
 pub(crate) use singular_times::find as find_singular_times;
+use times::KnownTimes;
 pub(crate) use track::Track;
 pub(crate) use view::{Lengths, Located, StepView};
 
@@ -57,7 +59,8 @@ pub(crate) trait Watch {
 #[derive(Debug)]
 pub(crate) struct Watches {
     pub(crate) guards: GuardWatch,
-    pub(crate) breakpoints: BreakpointWatch,
+    breakpoints: BreakpointWatch,
+    times: KnownTimes,
     singular: SingularWatch,
     pub(crate) prescribed: PrescribedWatch,
 }
@@ -71,10 +74,18 @@ impl Watches {
         let watches = Self {
             breakpoints: BreakpointWatch::new(watched.breakpoints, watched.guards.len()),
             guards: GuardWatch::new(watched.guards),
+            times: KnownTimes::new(watched.discontinuities),
             singular: SingularWatch,
             prescribed: PrescribedWatch::new(point.prescribing()),
         };
         (watches, track)
+    }
+
+    /// Where a step of length h from t towards `end` should end: at a known time, or by prediction.
+    pub(crate) fn ahead(&self, track: &Track, (t, end): (f64, f64), h: f64, tolerance: f64) -> Option<f64> {
+        let first = |a: f64, b: f64| if (b < a) == (end > t) { b } else { a };
+        let predicted = self.breakpoints.ahead(track, h, tolerance).map(|t| self.times.at(t).unwrap_or(t));
+        predicted.into_iter().chain(self.times.ahead(t, end)).reduce(first)
     }
 
     /// The first objection to the concluded step.
@@ -82,11 +93,16 @@ impl Watches {
     /// # Errors
     /// See [`Watch::look`].
     pub(crate) fn look(&mut self, step: &mut StepView) -> Result<Look, StepFailure<SystemError>> {
-        let Self { guards, breakpoints, singular, prescribed } = self;
+        let Self { guards, breakpoints, singular, prescribed, times } = self;
         let all: [&mut dyn Watch; 4] = [guards, breakpoints, singular, prescribed];
         for watch in all {
             match watch.look(step)? {
                 Look::Clear => {}
+                Look::EndAt { t, corner } => {
+                    // at a known time slopes jump
+                    let known = times.at(t);
+                    return Ok(Look::EndAt { t: known.unwrap_or(t), corner: corner && known.is_none() });
+                }
                 objection => return Ok(objection),
             }
         }
@@ -101,7 +117,7 @@ impl Watches {
 
     /// The concluded step stands.
     pub(crate) fn accept(&mut self, track: &mut Track) {
-        let Self { guards, breakpoints, singular, prescribed } = self;
+        let Self { guards, breakpoints, singular, prescribed, times: _ } = self;
         let all: [&mut dyn Watch; 4] = [guards, breakpoints, singular, prescribed];
         all.into_iter().for_each(|watch| watch.accept(track));
         track.accept();

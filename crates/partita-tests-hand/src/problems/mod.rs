@@ -3,7 +3,7 @@
 
 use partita_integrate::failure::StepFailure;
 use partita_integrate::ode::{Ode, RhsError};
-use partita_integrate::stepper::{Conclusion, Stepper};
+use partita_integrate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use std::fmt::Display;
 
 /// A planet on an ellipse of eccentricity 0.3: x, y and their rates.
@@ -87,9 +87,29 @@ pub fn conclude<E: Display>(
     stepper.conclude(&mut |t, y, dy, known| if known { Ok(false) } else { ode.rhs(t, y, dy).map(|()| true) })
 }
 
+/// Have the next step end at the first of these ascending times that lies ahead, if it would go beyond.
+pub fn aim_at_next<S: StepControl + ?Sized>(stepper: &mut S, times: &[f64]) {
+    let now = stepper.current();
+    let (from, to) = (now.t_old.min(now.t_end), now.t_old.max(now.t_end));
+    let between = || times.iter().copied().filter(|t| (from..=to).contains(t) && *t != now.t_old);
+    let goal = if now.t_end > now.t_old { between().next() } else { between().last() };
+    let length = now.next;
+    stepper.plan(&StepPlan { length, goal });
+}
+
 /// March to the end without corrections.
 pub fn finish<E: Display>(stepper: &mut dyn Stepper<E>, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
+    finish_by_way_of(stepper, ode, &[])
+}
+
+/// As `finish`, with steps that end at these times.
+pub fn finish_by_way_of<E: Display>(
+    stepper: &mut dyn Stepper<E>,
+    ode: &mut dyn Ode<Error = E>,
+    times: &[f64],
+) -> Result<(), StepFailure<E>> {
     while !stepper.current().finished() {
+        aim_at_next(stepper, times);
         stepper.attempt(ode)?;
         if conclude(stepper, ode)? == Conclusion::Done {
             stepper.commit();
