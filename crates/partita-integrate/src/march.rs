@@ -260,7 +260,10 @@ impl March {
         (self.course, self.proposed, self.reason) = (Course::Along, self.stepper.current().next, None);
         match self.lengths {
             Lengths::Controlled => self.commit(formulation, StepDecision::Begin, Findings::default()),
-            Lengths::Fixed => Ok(()),
+            Lengths::Fixed => {
+                self.aim();
+                Ok(())
+            }
         }
     }
 
@@ -269,6 +272,15 @@ impl March {
         let sizes = &formulation.layout().sizes;
         self.stepper.set_sizes(sizes);
         self.crossing.set_sizes(sizes);
+    }
+
+    /// A method that remembers earlier steps forgets them where a fixed step ends at a known time.
+    fn aim(&mut self) {
+        let now = self.stepper.current();
+        if let Some(goal) = self.watches.times.ahead(now.t_old, now.t_end) {
+            let length = now.next;
+            self.stepper.plan(&StepPlan { length, goal: Some(goal) });
+        }
     }
 
     /// The next step from where the stepper stands.
@@ -692,8 +704,10 @@ impl March {
         if self.observes {
             self.stepper.set_reference(formulation.point().checks().1.exchanged());
         }
-        if plans {
-            self.plan(pace);
+        match self.lengths {
+            Lengths::Controlled if plans => self.plan(pace),
+            Lengths::Controlled => {}
+            Lengths::Fixed => self.aim(),
         }
         Ok(())
     }

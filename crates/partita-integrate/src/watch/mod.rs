@@ -60,7 +60,7 @@ pub(crate) trait Watch {
 pub(crate) struct Watches {
     pub(crate) guards: GuardWatch,
     breakpoints: BreakpointWatch,
-    times: KnownTimes,
+    pub(crate) times: KnownTimes,
     singular: SingularWatch,
     pub(crate) prescribed: PrescribedWatch,
 }
