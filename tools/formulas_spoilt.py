@@ -616,10 +616,10 @@ FORMULAS = (
     Error(
         "corners-passed",
         "steps pass the corners of tables",
-        f"{INTEGRATE}/explicit_rk.rs",
-        "self.goal.into_iter().chain(self.next_discontinuity()).fold",
-        "self.goal.into_iter().chain(self.next_discontinuity().filter(|_| false)).fold",
-        ("marching stepping",),
+        f"{INTEGRATE}/watch/mod.rs",
+        "predicted.into_iter().chain(self.times.ahead(t, end)).reduce(first)",
+        "predicted.into_iter().chain(self.times.ahead(t, end).filter(|_| false)).reduce(first)",
+        ("whole motion::driven", "python test_kinks.py"),
     ),
     Error(
         "output-in-a-singular-position",

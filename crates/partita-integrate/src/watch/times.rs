@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_next_time_is_found_both_ways_and_the_end_counts() {
+    fn the_next_time_is_found_in_both_directions_and_the_end_counts() {
         let times = KnownTimes::new(vec![1.0, 2.0, 3.0]);
         for (t, end, next) in [
             (0.0, 9.0, Some(1.0)),

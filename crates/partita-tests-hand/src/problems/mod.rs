@@ -92,7 +92,7 @@ pub fn aim_at_next<S: StepControl + ?Sized>(stepper: &mut S, times: &[f64]) {
     let now = stepper.current();
     let (from, to) = (now.t_old.min(now.t_end), now.t_old.max(now.t_end));
     let between = || times.iter().copied().filter(|t| (from..=to).contains(t) && *t != now.t_old);
-    let goal = if now.t_end > now.t_old { between().next() } else { between().last() };
+    let goal = if now.t_end > now.t_old { between().next() } else { between().next_back() };
     let length = now.next;
     stepper.plan(&StepPlan { length, goal });
 }
