@@ -614,12 +614,12 @@ FORMULAS = (
     ),
     # marching
     Error(
-        "corners-passed",
-        "steps pass the corners of tables",
-        f"{INTEGRATE}/watch/mod.rs",
-        "predicted.into_iter().chain(self.times.ahead(t, end)).reduce(first)",
-        "predicted.into_iter().chain(self.times.ahead(t, end).filter(|_| false)).reduce(first)",
-        ("whole motion::driven", "python test_kinks.py"),
+        "time-that-is-known",
+        "a known time lies ahead of a step that begins there",
+        f"{INTEGRATE}/watch/times.rs",
+        "times.get(times.partition_point(|c| *c <= t))",
+        "times.get(times.partition_point(|c| *c < t))",
+        ("lib watch::times",),
     ),
     Error(
         "output-in-a-singular-position",
