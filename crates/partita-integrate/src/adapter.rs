@@ -4,8 +4,8 @@ use crate::ode::{Ode, RhsError};
 use partita_system::formulation::{Depth, Formulation};
 use partita_system::SystemError;
 
-/// What is done after each evaluation at a time.
-pub(crate) type After<'a> = &'a mut dyn FnMut(f64, &mut dyn Formulation);
+/// What is done after an evaluation at a time; returns what has to be known after the next one.
+pub(crate) type After<'a> = &'a mut dyn FnMut(f64, &mut dyn Formulation) -> Depth;
 
 /// A formulation as the equation of a stepper.
 pub(crate) struct Adapter<'f> {
@@ -38,7 +38,7 @@ impl Ode for Adapter<'_> {
             return Err(sorted(e));
         }
         if let Some(after) = &mut self.after {
-            after(t, self.formulation);
+            self.depth = after(t, self.formulation);
         }
         Ok(())
     }

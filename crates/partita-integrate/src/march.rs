@@ -249,6 +249,7 @@ impl March {
                 if track.waits() {
                     track.end(t, |out| formulation.point().readings(t, out));
                 }
+                Depth::Rates
             };
             let after: Option<After> = Some(&mut first);
             let mut ode = Adapter { depth: Depth::Levels, after, ..Adapter::new(formulation) };

@@ -173,7 +173,7 @@ def add_gas_strut(
     >>> strut = m.add_gas_strut("strut", m.ground, (0, -0.4, 0), gate, (0.2, 0, 0), force="400 N", progression=1.35,
     ...                         stroke="200 mm", length="500 mm", damping=300.0)
     >>> run = m.simulate(1.0)
-    >>> bool(run.joint("hinge").displacement[-1] > 0.1)   # it lifts the gate
+    >>> bool(run.joint("hinge").angle[-1] > 0.1)   # it lifts the gate
     True
     """
     call = GAS_STRUT.checked(locals())

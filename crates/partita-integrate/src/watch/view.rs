@@ -113,6 +113,7 @@ impl StepView<'_> {
             beside(track, t, &mut |out| {
                 formulation.point().readings(t, out);
             });
+            Depth::Levels
         };
         let mut ode = Adapter { depth: Depth::Levels, after: Some(&mut look), ..Adapter::new(self.formulation) };
         self.stepper.interpolate(&mut ode, t, self.state)?;
