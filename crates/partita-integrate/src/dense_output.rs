@@ -67,13 +67,22 @@ pub(crate) fn nested<'a, const N: usize>(theta: f64, last: usize, f: impl Fn(usi
     sum
 }
 
-/// Coefficients `F` of one step, and whether they have been computed.
+/// What is known of a step between its ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Known {
+    /// The stages of the step alone.
+    Stages,
+    /// Those that only dense output needs as well.
+    ExtraStages,
+    /// The coefficients.
+    Coefficients,
+}
+
+/// Coefficients `F` of one step.
 #[derive(Debug)]
 pub(crate) struct DenseOutput {
     table: Cow<'static, DenseRows>,
-    pub(crate) ready: bool,
-    /// Whether the extra stages are known without these.
-    pub(crate) evaluated: bool,
+    pub(crate) known: Known,
     stride: usize,
     coefficients: Vec<f64>,
 }
@@ -81,7 +90,7 @@ pub(crate) struct DenseOutput {
 impl DenseOutput {
     pub(crate) fn new(table: Cow<'static, DenseRows>, stride: usize) -> Self {
         let coefficients = vec![0.0; (3 + table.rows.len()) * stride];
-        Self { table, ready: false, evaluated: false, stride, coefficients }
+        Self { table, known: Known::Stages, stride, coefficients }
     }
 
     /// This many rows over all `count` slots, whose weights change from step to step; of them these are combined.
@@ -119,7 +128,7 @@ impl DenseOutput {
         for (row, f) in self.table.rows.iter().zip(rest.chunks_exact_mut(n.max(1))) {
             row.scaled(stages, h, f);
         }
-        self.ready = true;
+        self.known = Known::Coefficients;
     }
 
     /// The state at `theta`, into `out` (without padding).

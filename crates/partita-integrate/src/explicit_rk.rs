@@ -13,7 +13,7 @@ use self::memory::Memory;
 use self::method::{prepared, Method};
 use crate::combination::{first_not_finite, padded};
 use crate::counters::Counters;
-use crate::dense_output::DenseOutput;
+use crate::dense_output::{DenseOutput, Known};
 use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
@@ -282,7 +282,7 @@ impl ExplicitRungeKutta {
 
     fn prepare_dense_output<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
         let (h, dim) = (self.attempted_h, self.dim);
-        let missing = if self.dense.evaluated { &[] } else { self.dense.extra() };
+        let missing = if self.dense.known == Known::Stages { self.dense.extra() } else { &[] };
         for stage in missing {
             stage.row.advance(&self.stages, h, &self.y_old, &mut self.y_stage);
             let (t, begin) = (self.t_old + stage.node * h, stage.slot * self.stride);
@@ -320,7 +320,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         self.y_old[..self.dim].copy_from_slice(y);
         self.y_new[..self.dim].copy_from_slice(y);
         self.phase = Phase::Ready;
-        (self.dense.ready, self.dense.evaluated) = (false, false);
+        self.dense.known = Known::Stages;
         self.controller.reset();
         (self.corner_ahead, self.corner_behind) = (false, false);
         self.forget();
@@ -392,7 +392,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
                 self.t_new = t_new;
                 self.attempted_h = h;
                 (self.error, self.by_rounding) = (error, by_rounding);
-                self.dense.ready = false;
+                self.dense.known = Known::Stages;
                 self.phase = Phase::Attempted;
                 return Ok(());
             }
@@ -444,7 +444,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             out.copy_from_slice(&self.y_new[..self.dim]);
             return Ok(());
         }
-        if !self.dense.ready {
+        if self.dense.known != Known::Coefficients {
             self.prepare_dense_output(ode)?;
         }
         let out = &mut out[..self.dim];

@@ -4,7 +4,7 @@
 //! for it. The memory is bounded: where it is full every second step is forgotten, and from then on every second one is
 //! kept, then every fourth, and so on.
 
-use partita_system::formulation::{ChoiceSnapshot, Point};
+use partita_system::formulation::{ChoiceSnapshot, Course, Point};
 use std::mem::size_of;
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ pub(crate) struct LoggedStep {
     pub(crate) t_old: f64,
     pub(crate) t_new: f64,
     /// Whether it crosses a singular position.
-    pub(crate) crosses: bool,
+    pub(crate) course: Course,
     /// Distances from one at both ends; NaN where they are not known.
     pub(crate) margins: [f64; 2],
     pub(crate) choice: Arc<ChoiceSnapshot>,
@@ -118,7 +118,7 @@ impl StepLog {
         &mut self,
         formulation: &dyn Point,
         (t_old, t_new): (f64, f64),
-        crosses: bool,
+        course: Course,
         (turns, located): (&[i32], &[f64]),
         save: impl FnOnce(&mut Vec<f64>) -> bool,
     ) {
@@ -143,7 +143,7 @@ impl StepLog {
         let margins = formulation.step_margins().map(|margin| margin.unwrap_or(f64::NAN));
         let located: Box<[f64]> = located.into();
         self.bytes += size_of::<LoggedStep>() + size_of::<f64>() * (count + located.len());
-        self.steps.push(LoggedStep { t_old, t_new, crosses, margins, choice, turns, located, block, first, count });
+        self.steps.push(LoggedStep { t_old, t_new, course, margins, choice, turns, located, block, first, count });
         while self.bytes > self.limit {
             self.thin();
         }

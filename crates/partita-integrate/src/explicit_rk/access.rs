@@ -2,6 +2,7 @@
 
 use super::{memory, ExplicitRungeKutta, Phase};
 use crate::counters::Counters;
+use crate::dense_output::Known;
 use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
 use partita_math::tolerance;
 
@@ -134,7 +135,7 @@ impl StepStorage for ExplicitRungeKutta {
     }
 
     fn save_extra(&self, out: &mut Vec<f64>) {
-        if self.dense.ready {
+        if self.dense.known == Known::Coefficients {
             self.dense.extra().iter().for_each(|stage| out.extend_from_slice(self.slot(stage.slot)));
         }
     }
@@ -153,7 +154,7 @@ impl StepStorage for ExplicitRungeKutta {
         let mut fill = |slot: usize, of: &[f64]| self.stages[slot * stride..slot * stride + dim].copy_from_slice(of);
         self.dense.slots().iter().zip(rest.chunks_exact(dim.max(1))).for_each(|(slot, of)| fill(*slot, of));
         self.dense.extra().iter().zip(extra.chunks_exact(dim.max(1))).for_each(|(stage, of)| fill(stage.slot, of));
-        (self.dense.ready, self.dense.evaluated) = (false, !extra.is_empty());
+        self.dense.known = if extra.is_empty() { Known::Stages } else { Known::ExtraStages };
         self.phase = Phase::Concluded;
     }
 }
@@ -168,7 +169,7 @@ impl ExplicitRungeKutta {
 
     fn throw_away(&mut self) {
         self.judge_anew();
-        self.dense.ready = false;
+        self.dense.known = Known::Stages;
         self.phase = Phase::Ready;
         self.counters.rejected += 1;
     }

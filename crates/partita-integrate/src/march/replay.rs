@@ -31,11 +31,13 @@ impl March {
 
     /// Keep the step that is about to be committed.
     pub(super) fn log_step(&mut self, formulation: &mut dyn Formulation) {
-        let across = self.course == Course::Across;
-        let stepper: &dyn Stepper<SystemError> = if across { &self.crossing } else { &*self.stepper };
+        let stepper: &dyn Stepper<SystemError> = match self.course {
+            Course::Across => &self.crossing,
+            Course::Along => &*self.stepper,
+        };
         let (from, to) = (stepper.current().t_old, stepper.current().t_new);
         let beside = (&self.output.turns[..], &self.located.times[..]);
-        self.log.push(formulation.point(), (from, to), across, beside, |numbers| stepper.save(numbers));
+        self.log.push(formulation.point(), (from, to), self.course, beside, |numbers| stepper.save(numbers));
     }
 }
 
@@ -107,7 +109,7 @@ impl<'s> StepReader<'s> {
     fn load(&mut self, log: &StepLog, i: usize) {
         let (step, march) = (log.step(i), &mut self.march);
         let extra = self.extra.get(&i).map_or(&[][..], |extra| extra);
-        march.course = if step.crosses { Course::Across } else { Course::Along };
+        march.course = step.course;
         march.located.forget();
         march.located.times.extend_from_slice(&step.located);
         march.output.turns.copy_from_slice(&step.turns);

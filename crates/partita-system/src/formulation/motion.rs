@@ -38,7 +38,7 @@ const DESCRIBED_AS_ONE: usize = 24;
 
 /// The point to which the levels belong.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Standing {
+enum LevelsOf {
     /// Somewhere: something was evaluated since the end of the step.
     Elsewhere,
     /// As before the last evaluation, which was one by compiled code.
@@ -67,7 +67,7 @@ pub struct Motion<'s, S: ConstrainedSystem + 's, T, P> {
     margin: Option<(f64, u64)>,
     /// Of the dimensions.
     drawing_errors: (f64, f64),
-    standing: Standing,
+    levels_of: LevelsOf,
     /// Time of the levels last evaluated.
     levels_at: f64,
     /// Evaluations by compiled code, where there may be any.
@@ -113,7 +113,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             observes_work,
             margin: None,
             drawing_errors: system.structure().drawing.errors,
-            standing: Standing::Elsewhere,
+            levels_of: LevelsOf::Elsewhere,
             levels_at: f64::NAN,
             compiled: None,
             monitor: CrossingMonitor::new(system.size()),
@@ -169,7 +169,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// All levels at (t, y), with the accelerations in `vdot` if they are known.
     fn levels(&mut self, t: f64, y: &[f64], known: bool) -> Result<()> {
         let (p, w) = self.offsets();
-        let settled = std::mem::replace(&mut self.standing, Standing::Elsewhere) == Standing::Settled;
+        let settled = std::mem::replace(&mut self.levels_of, LevelsOf::Elsewhere) == LevelsOf::Settled;
         self.levels_at = t;
         let crossing = self.monitor.crosses_next();
         let factored = match settled && !crossing {
@@ -214,7 +214,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// Whether (t, y) is the end of the step that was judged, its loops closed to round-off and its levels evaluated.
     fn ends_at(&self, t: f64, y: &[f64]) -> bool {
         let q = self.positions.q();
-        self.standing == Standing::End(t)
+        self.levels_of == LevelsOf::End(t)
             && self.offsets().0 == q.len()
             && *q == y[..q.len()]
             && self.tangent.seen().is_closed()
@@ -244,7 +244,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
         r.fastest()
     }
     fn side(&mut self, t: f64, y: &[f64]) -> Option<Side> {
-        self.standing = Standing::Elsewhere;
+        self.levels_of = LevelsOf::Elsewhere;
         let found = match self.monitor.judgement {
             Some(_) => self.positions.output(&mut self.tangent, t, y),
             None => self.positions.locate(&mut self.tangent, t, y, self.monitor.crosses_next()),
@@ -265,7 +265,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
         self.system.structure().rows[row].owner.to_string()
     }
     fn accept_output(&mut self, at: &Output, within: (f64, f64)) -> Result<bool> {
-        self.standing = Standing::Elsewhere;
+        self.levels_of = LevelsOf::Elsewhere;
         let r = self.tangent.reduction();
         r.position(at.t, &at.q)?;
         r.at.v.copy_from_slice(&at.v);
@@ -323,7 +323,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn state_at(&mut self, t: f64, y: &[f64], purpose: Purpose, out: &mut Output) -> Result<()> {
         let (p, w) = self.offsets();
         let ends = self.ends_at(t, y);
-        self.standing = Standing::Elsewhere;
+        self.levels_of = LevelsOf::Elsewhere;
         let singular = if ends {
             self.is_singular(self.margin)
         } else {
@@ -360,7 +360,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
     fn describe(&mut self, at: &Output, within: Option<&PartitionEvent>, out: &mut Sample) -> Result<()> {
         if self.has_levels_of(within) {
             // an evaluation like any other: nothing is chosen anew
-            self.standing = Standing::Elsewhere;
+            self.levels_of = LevelsOf::Elsewhere;
             let choice = self.tangent.seen().planned.partition.independent.clone();
             return instant::describe(self.tangent.reduction(), at, Some(&choice), out).map(drop);
         }

@@ -114,6 +114,20 @@ pub struct PointValues {
     work: Vec<f64>,
 }
 
+impl PointValues {
+    /// What the recursion over clusters needs of them, `dt` with this many columns.
+    fn cluster_tangent(&self, columns: usize) -> ClusterTangent<'_> {
+        ClusterTangent { columns, dt: &self.dt, delta: &self.delta, c: &self.c, b: &self.b }
+    }
+
+    /// The accelerations of independent velocities are those among all.
+    fn pick_independent(&mut self, independent: &[usize]) {
+        for (x, &i) in self.vdot_independent.iter_mut().zip(independent) {
+            *x = self.vdot[i];
+        }
+    }
+}
+
 /// Natural sizes of velocities and rows.
 pub struct Scales {
     /// `s_i² = [M⁻¹]_ii`, frozen between refreshes: they are only scales.
@@ -417,9 +431,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
     pub fn accept_acceleration(&mut self, t: f64, q: &[f64], vdot: &[f64]) -> Result<(), SystemError> {
         self.velocity(t, q)?;
         self.at.vdot.copy_from_slice(vdot);
-        for (x, &i) in self.at.vdot_independent.iter_mut().zip(&self.planned.partition.independent) {
-            *x = vdot[i];
-        }
+        self.at.pick_independent(&self.planned.partition.independent);
         Ok(())
     }
 
@@ -434,9 +446,7 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
                 b: &self.at.b,
             };
             clustered.accelerate(t, q, &self.at.v, &tangent, &mut self.scratch, &mut self.at.vdot)?;
-            for (x, &i) in self.at.vdot_independent.iter_mut().zip(&self.planned.partition.independent) {
-                *x = self.at.vdot[i];
-            }
+            self.at.pick_independent(&self.planned.partition.independent);
             return Ok(());
         }
         let tangent = Tangent { k: self.planned.k, dt: &self.at.dt, delta: &self.at.delta };

@@ -31,13 +31,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
     ) -> Result<Quality, SystemError> {
         let mut blocks: Vec<(Vec<usize>, Vec<f64>)> = Vec::new();
         let mut diagonal = vec![0.0; self.size.nv];
-        let tangent = ClusterTangent {
-            columns: self.planned.columns,
-            dt: &self.at.dt,
-            delta: &self.at.delta,
-            c: &self.at.c,
-            b: &self.at.b,
-        };
+        let tangent = self.at.cluster_tangent(self.planned.columns);
         let independent = &self.planned.partition.independent;
         let form = &mut |_: usize, which: &[usize], values: &[f64]| blocks.push((which.to_vec(), values.to_vec()));
         clustered.mobility(&tangent, independent, FORMED, &mut self.scratch, &mut diagonal, form);
@@ -127,13 +121,7 @@ impl<S: ConstrainedSystem> Reduction<'_, S> {
         let mut s2 = vec![0.0; self.size.nv];
         self.system.inverse_mass_diagonal(t, q, &mut self.scratch, &mut s2)?;
         if let (Some(_), Some(clustered)) = (&self.planned.recursion, self.system.clustered()) {
-            let tangent = ClusterTangent {
-                columns: self.planned.columns,
-                dt: &self.at.dt,
-                delta: &self.at.delta,
-                c: &self.at.c,
-                b: &self.at.b,
-            };
+            let tangent = self.at.cluster_tangent(self.planned.columns);
             let independent = &self.planned.partition.independent;
             clustered.mobility(&tangent, independent, usize::MAX, &mut self.scratch, rho, &mut |_, _, _| {});
             for (r, s2) in rho.iter_mut().zip(&s2) {

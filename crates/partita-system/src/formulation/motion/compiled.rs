@@ -4,7 +4,7 @@
 //! a step accelerations are taken from the code where they come from a recursion, since nothing else of it is looked at. Where
 //! a pivot comes near its guard, a number is not finite or an evaluation would fail, the levels decide.
 
-use super::{Motion, Standing};
+use super::{LevelsOf, Motion};
 use crate::compiled::{Compilation, CompiledCode, CompiledRates, WITHOUT};
 use crate::error::Result;
 use crate::positions::Positions;
@@ -208,7 +208,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         }
         compiled.count += 1;
         r.counts.factorisations += u64::from(r.rank() > 0);
-        self.standing = Standing::Behind;
+        self.levels_of = LevelsOf::Behind;
         true
     }
 

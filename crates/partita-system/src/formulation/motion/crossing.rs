@@ -1,6 +1,6 @@
 //! Singular positions during a motion: foreseen, crossed, verified, and distinguished from dead points of the choice.
 
-use super::{Motion, Standing};
+use super::{LevelsOf, Motion};
 use crate::error::CrossingOutcome;
 use crate::error::Result;
 use crate::formulation::{Course, Passing, Point as _, Side, Step};
@@ -189,10 +189,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         if P::CLOSED && self.k == 0 {
             return Probe::Unknown;
         }
-        if self.standing != Standing::Planning && self.evaluate(t, y).is_err() {
+        if self.levels_of != LevelsOf::Planning && self.evaluate(t, y).is_err() {
             return Probe::Unknown;
         }
-        self.standing = Standing::Elsewhere;
+        self.levels_of = LevelsOf::Elsewhere;
         let Some((_, plan)) = self.tangent.margin() else { return Probe::Unknown };
         self.tangent.full_acceleration(&mut self.vdot);
         let v = &self.tangent.seen().at.v;
@@ -355,7 +355,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn replay_between(&mut self, margins: [Option<f64>; 2]) {
         let [before, after] = margins.map(|distance| distance.map(|distance| (distance, 0)));
         (self.monitor.margin_before, self.margin) = (before, after);
-        self.standing = Standing::Elsewhere;
+        self.levels_of = LevelsOf::Elsewhere;
         self.monitor.next = Course::Along;
     }
 

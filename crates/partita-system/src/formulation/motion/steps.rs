@@ -1,7 +1,7 @@
 //! The end of a step: closed, judged, accepted or repeated, the choice renewed, the next step planned.
 
 use super::crossing::Shown;
-use super::{Motion, Standing};
+use super::{LevelsOf, Motion};
 use crate::error::Result;
 use crate::formulation::{ChoiceSnapshot, Point as _, Repeated, Step, StepDecision, StepReplay, TrialEnd};
 use crate::positions::Positions;
@@ -20,8 +20,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             self.checks.integrated(&rest[..w - p]);
         }
         evaluated |= self.tangent.settle(t, of_q, &mut rest[..w - p])?;
-        let behind = self.standing == Standing::Behind;
-        self.standing = if self.positions.is_found() { Standing::Settled } else { Standing::Elsewhere };
+        let behind = self.levels_of == LevelsOf::Behind;
+        self.levels_of = if self.positions.is_found() { LevelsOf::Settled } else { LevelsOf::Elsewhere };
         if evaluated {
             if !self.end_by_code(t, y, Some(dy), behind)? {
                 self.derivative_by_levels(t, y, dy)?;
@@ -34,7 +34,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 self.evaluate(t, y)?;
             }
         }
-        self.standing = Standing::End(self.levels_at);
+        self.levels_of = LevelsOf::End(self.levels_at);
         self.prescribed.look_at_end(self.positions.q(), &self.tangent.seen().at.v);
         self.closure.look(t, self.tangent.seen());
         self.closure.check(t, self.positions.q(), self.tangent.seen())?;
@@ -87,9 +87,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.begin();
         // what acts may have changed: no way leads back
         self.monitor.checkpoints.clear();
-        self.standing = Standing::Planning;
+        self.levels_of = LevelsOf::Planning;
         self.plan_ahead(step)?;
-        self.standing = Standing::Elsewhere;
+        self.levels_of = LevelsOf::Elsewhere;
         Ok(false)
     }
 
@@ -146,7 +146,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         self.closure.accept();
         self.checks.accept(step.findings.hidden.map(|hidden| Gap { part: 1.0, t: hidden.0, row: hidden.1 }));
         self.monitor.spoilt_in_a_row = 0;
-        let moved = !matches!(self.standing, Standing::End(_));
+        let moved = !matches!(self.levels_of, LevelsOf::End(_));
         if moved && (decision == StepDecision::Change || self.tangent.attends()) {
             self.evaluate(t, step.y)?; // outputs were evaluated since
         }
@@ -171,7 +171,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     /// A new choice at the point last evaluated; (q, v, v') stay the same. True if y and y' were rewritten.
     fn choose_anew(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], why: Occasion) -> Result<bool> {
         let (p, w) = self.offsets();
-        self.standing = Standing::Elsewhere;
+        self.levels_of = LevelsOf::Elsewhere;
         self.v.copy_from_slice(&self.tangent.seen().at.v);
         self.tangent.full_acceleration(&mut self.vdot);
         let mut q = self.positions.q().to_vec();
