@@ -14,11 +14,14 @@ use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options, OptionsError};
+use crate::simulate::Observe;
 use crate::step_log::StepLog;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
-use crate::watch::{find_singular_times, Lengths, Located, Look, StepView, Track, Watch as _, Watches};
+use crate::watch::{find_singular_times, EventWatch, Lengths, Located, Look, Observed, StepView, Track};
+use crate::watch::{Watch as _, Watches};
 use partita_math::tolerance;
 use partita_system::error::CrossingOutcome;
+use partita_system::event::Occurrence;
 use partita_system::formulation::{Course, Depth, Findings, Formulation, Pace, Repeated};
 use partita_system::formulation::{Step, StepDecision, TrialEnd};
 use partita_system::record::Output;
@@ -30,6 +33,8 @@ use std::ops::ControlFlow;
 pub enum Status {
     /// At its end.
     Finished,
+    /// At an event that ends it.
+    Event,
     /// It reached its end, but a finding makes the result invalid.
     Invalid,
     /// By the user; the results so far are kept.
@@ -51,6 +56,7 @@ impl Status {
     pub fn word(self) -> &'static str {
         match self {
             Self::Finished => "finished",
+            Self::Event => "event",
             Self::Invalid => "invalid",
             Self::Interrupted => "interrupted",
             Self::StepTooSmall => "step-too-small",
@@ -197,6 +203,35 @@ impl March {
         Ok(())
     }
 
+    /// Find these events from the current state on.
+    pub fn observe(&mut self, Observe { events, functions, most }: Observe) {
+        self.track.observe(Observed::new(functions, events.len()));
+        self.watches.events = Some(EventWatch::new(events, most));
+    }
+
+    /// The events that have occurred since the last call, in the order of time.
+    pub fn take_occurrences(&mut self) -> Vec<Occurrence> {
+        self.watches.events.as_mut().map(EventWatch::take_occurrences).unwrap_or_default()
+    }
+
+    /// Events since then did not occur: the motion is set back.
+    pub fn forget_occurrences(&mut self) {
+        if let Some(events) = &mut self.watches.events {
+            events.forget_occurrences();
+        }
+    }
+
+    /// The event that ended the integration.
+    pub(crate) fn ending(&self) -> Option<&str> {
+        self.watches.events.as_ref().and_then(EventWatch::ending)
+    }
+
+    /// The state at the event that ended the integration.
+    fn ended_by_event(&self) -> Option<&Output> {
+        let events = self.watches.events.as_ref()?;
+        events.ending().and_then(|_| events.last()).map(|x| &x.state)
+    }
+
     /// The elements of the mechanism that were passed through, in sentences.
     pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
         self.watches.guards.notes()
@@ -243,11 +278,14 @@ impl March {
         formulation: &mut dyn Formulation,
         t_end: f64,
     ) -> Result<(), StepFailure<SystemError>> {
-        let track = &mut self.track;
+        let (track, turns) = (&mut self.track, &self.output.turns);
+        if track.observed.is_some() {
+            track.forget(); // what acts may have changed, and with it the rates of velocities
+        }
         if track.waits() {
             let mut first = |t: f64, formulation: &mut dyn Formulation| {
                 if track.waits() {
-                    track.end(t, |out| formulation.point().readings(t, out));
+                    track.end_at(t, formulation, turns);
                 }
                 Depth::Rates
             };
@@ -401,6 +439,10 @@ impl March {
                 }
             }
             self.step(formulation, outputs, &mut attempts)?;
+            if let Some(last) = self.ended_by_event() {
+                outputs.end_with(last).map_err(|error| StepFailure::Rhs { t: last.t, error })?;
+                return Ok(Status::Event);
+            }
             if watch(self.stepper.current().t_old).is_break() {
                 return Ok(Status::Interrupted);
             }
@@ -441,7 +483,7 @@ impl March {
             if let Fate::Again = self.carry_out(formulation, looked, &mut last)? {
                 continue;
             }
-            match self.outputs(formulation, outputs) {
+            match self.outputs(formulation, outputs).and_then(|()| self.occurrences(formulation)) {
                 Ok(()) => return self.take(formulation, &end, hidden),
                 Err(StepFailure::Interpolation { .. }) if self.active().current().may_shrink => {
                     self.active().reject(0.5);
@@ -503,7 +545,7 @@ impl March {
         let t = end.t;
         self.watches.prescribed.read_end(formulation).map_err(|error| StepFailure::Rhs { t, error })?;
         if !self.track.is_empty() {
-            self.track.end(t, |out| formulation.point().readings(t, out));
+            self.track.end_at(t, formulation, &self.output.turns);
         }
         // however short, a step over a jump of what is prescribed is repeated: the jump is named
         if end.decision == StepDecision::Repeat && !self.active().current().may_shrink {
@@ -540,6 +582,7 @@ impl March {
             course: self.course,
             lengths: self.lengths,
             tolerance: self.tolerance,
+            turns: &self.output.turns,
         };
         (&mut self.watches, view)
     }
@@ -699,7 +742,7 @@ impl March {
         }
         if now != t && !self.track.is_empty() {
             // set back to an earlier state
-            self.track.end(now, |out| formulation.point().readings(now, out));
+            self.track.end_at(now, formulation, &self.output.turns);
             self.watches.accept(&mut self.track);
         }
         if self.observes {

@@ -8,6 +8,7 @@ use crate::march::{Control, March, Outputs};
 use crate::method::Method;
 use crate::options::Options;
 use crate::step_log::StepLog;
+use partita_system::event::{Event, EventFunctions, Occurrence};
 use partita_system::formulation::Formulation;
 use partita_system::record::{Crossings, Output};
 use partita_system::SystemError;
@@ -61,25 +62,50 @@ pub fn simulate(
     sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Outcome, SystemError> {
-    simulate_logged(formulation, (t, q, v), t_eval, settings, &mut StepLog::default(), sink, watch)
+    simulate_kept(formulation, (t, q, v), t_eval, settings, &mut Kept::default(), sink, watch)
 }
 
-/// As [`simulate`], with the steps kept in `log`.
+/// Events to be found.
+#[derive(Debug)]
+pub struct Observe {
+    /// Them.
+    pub events: Vec<Event>,
+    /// Their functions.
+    pub functions: Box<dyn EventFunctions>,
+    /// How often they may occur, all together.
+    pub most: usize,
+}
+
+/// What a run keeps besides its outputs.
+#[derive(Debug, Default)]
+pub struct Kept {
+    /// Its steps.
+    pub steps: StepLog,
+    /// The events to be found.
+    pub observe: Option<Observe>,
+    /// Those that occurred.
+    pub occurrences: Vec<Occurrence>,
+}
+
+/// As [`simulate`], with what `kept` is to receive.
 ///
 /// # Errors
 /// See [`simulate`].
-pub fn simulate_logged(
+pub fn simulate_kept(
     formulation: &mut dyn Formulation,
     (t, q, v): (f64, &[f64], &[f64]),
     t_eval: &[f64],
     settings: &Settings,
-    log: &mut StepLog,
+    kept: &mut Kept,
     sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Outcome, SystemError> {
     let control = Control::Free { max_steps: settings.max_steps };
     let mut march = March::new(formulation, q.len(), settings.method, settings.options.clone(), control)
         .map_err(|e| SystemError::argument("settings", format!("settings: {e}")))?;
+    if let Some(observe) = kept.observe.take() {
+        march.observe(observe);
+    }
     march.begin(formulation, t, (q, v), None)?;
     let mut outputs = Outputs::new(t_eval, sink);
     march.emit(formulation, &mut outputs)?;
@@ -101,19 +127,23 @@ pub fn simulate_logged(
             other => Err(SystemError::argument("initial", other.to_string())),
         };
     }
-    march.log_into(std::mem::take(log));
+    march.log_into(std::mem::take(&mut kept.steps));
     let ended = march.go_on(formulation, &mut outputs, watch);
-    *log = march.take_log();
+    kept.steps = march.take_log();
     let counters = march.counters();
     let t = march.time();
-    log.end_at(t);
+    kept.steps.end_at(t);
     let (status, message, error) = match ended {
+        Ok(Status::Event) => {
+            (Status::Event, format!("ended by event \"{}\" at t = {t}", march.ending().unwrap_or_default()), None)
+        }
         Ok(status) => (status, sentence(status, t, settings), None),
         Err(failure) => explain(failure, t),
     };
     // a last step across a position next to the end may have passed others after it
     let crossings = formulation.point().crossings().until(t);
     let notes = march.notes().collect();
+    kept.occurrences = march.take_occurrences();
     Ok(Outcome { status, message, t, counters, crossings, notes, error })
 }
 

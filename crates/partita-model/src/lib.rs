@@ -12,6 +12,7 @@ pub mod coupling;
 pub mod dynamics;
 pub mod error;
 pub mod evaluator;
+pub mod event_functions;
 mod exported;
 pub mod force;
 pub mod freed;

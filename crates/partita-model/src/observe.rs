@@ -41,7 +41,7 @@ pub struct DegreeOfFreedom {
 }
 
 impl DegreeOfFreedom {
-    fn new(mut reading: Measurement<Spatial<f64>>, model: &Model) -> Self {
+    pub(crate) fn new(mut reading: Measurement<Spatial<f64>>, model: &Model) -> Self {
         let mut velocities = Vec::new();
         for m in &mut reading.movers {
             let link = &model.own.placed.links[m.link];
@@ -50,6 +50,22 @@ impl DegreeOfFreedom {
         }
         let row = vec![0.0; velocities.len()];
         Self { reading, velocities, row }
+    }
+
+    /// Whether it is read from poses and twists, which [`look`](crate::evaluator::Evaluator::look) finds.
+    pub(crate) fn needs_look(&self) -> bool {
+        self.reading.velocity().is_none()
+    }
+
+    /// Whether it is known up to whole turns only.
+    pub(crate) fn wraps(&self) -> bool {
+        self.reading.wraps
+    }
+
+    /// Its value and its rate at (q, v).
+    pub(crate) fn value_and_rate(&self, model: &Model, (q, v): (&[f64], &[f64]), s: &ModelScratch) -> [f64; 2] {
+        let read = self.reading.read(&model.own.full, &s.evaluated().full, q, v);
+        [read.value, read.rate]
     }
 
     /// Its acceleration for v' after [`look`](crate::evaluator::Evaluator::look): `C v' + b`, C and b of its reading.

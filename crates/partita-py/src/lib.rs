@@ -5,6 +5,7 @@ mod arrays;
 mod balance;
 mod calls;
 mod ending;
+mod events;
 mod ensemble;
 mod failure;
 mod functions;

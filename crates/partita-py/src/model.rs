@@ -3,6 +3,7 @@
 mod analyses;
 mod rest;
 
+use crate::events::{self, EventList};
 use crate::arrays::{array, vector};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
@@ -360,7 +361,7 @@ impl Model {
         })
     }
 
-    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None, step_bytes=0))]
+    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None, step_bytes=0, events=None))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -371,13 +372,15 @@ impl Model {
         progress: Option<Py<PyAny>>,
         tangent: Option<TangentFunctions>,
         step_bytes: usize,
+        events: Option<EventList>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let options = options.get().keeping(step_bytes);
             let (q, v) = self.state(&q, &v)?;
+            let events = events.map(|events| events::of_mechanism(py, self.inner.clone(), events)).transpose()?;
             let (system, calls) = (self.inner.clone(), self.inner.equations().calls_functions());
             let tangent = run::tangent(self.nv(), tangent);
-            with_motion(py, &self.inner, run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, calls)?)
+            with_motion(py, &self.inner, run::run(py, system, &options, &t_eval, (&q, &v), tangent, events, progress, calls)?)
         })
     }
 

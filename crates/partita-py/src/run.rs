@@ -12,8 +12,9 @@ use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
-use partita_integrate::simulate::Status;
+use partita_integrate::simulate::{Observe, Status};
 use partita_integrate::step_log::StepLog;
+use partita_system::event::Occurrence;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::record::{FormulationCounters, Output};
@@ -283,6 +284,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
     t_eval: &PyReadonlyArray1<'py, f64>,
     (q, v): (&[f64], &[f64]),
     tangent: Option<Arc<dyn TangentMap>>,
+    observe: Option<Observe>,
     progress: Option<Py<PyAny>>,
     calls_functions: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
@@ -312,7 +314,7 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
             }
         }
     };
-    let found = released(py, || run::run(&*system, request, tangent, &t_eval, (q, v), &mut watch));
+    let found = released(py, || run::observed(&*system, request, tangent, &t_eval, (q, v), observe, &mut watch));
     let mut found = found.map_err(|e| failure::analysis(py, e))?;
     let outcome = &mut found.outcome;
     // an exception from a user function ends the run, and the results so far are kept; Ctrl-C in it is Ctrl-C
@@ -433,6 +435,14 @@ fn whole(x: &Output) -> impl Iterator<Item = f64> + '_ {
     x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n))
 }
 
+/// Number of an event, whether its function rises, time, coordinates and velocities.
+pub type Occurred = (usize, bool, f64, Vec<f64>, Vec<f64>);
+
+/// Events that occurred, as plain data.
+pub fn occurred(all: &[Occurrence]) -> Vec<Occurred> {
+    all.iter().map(|x| (x.event, x.rises, x.state.t, whole(&x.state).collect(), x.state.v.clone())).collect()
+}
+
 /// What a run reports at once: its times and states, how it ended, and its log, which has all else.
 fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     py: Python<'py>,
@@ -454,7 +464,8 @@ fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     d.set_item(intern!(py, "notes"), &run.notes)?;
     d.set_item(intern!(py, "findings"), reported(&run.findings))?;
     d.set_item(intern!(py, "status"), run.outcome.status.word())?;
-    d.set_item(intern!(py, "success"), run.outcome.status == Status::Finished)?;
+    d.set_item(intern!(py, "success"), matches!(run.outcome.status, Status::Finished | Status::Event))?;
+    d.set_item(intern!(py, "occurrences"), occurred(&run.occurrences))?;
     d.set_item(intern!(py, "message"), &run.outcome.message)?;
     d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
     let log = Account {

@@ -2,10 +2,11 @@
 
 use crate::arrays::vector;
 use crate::ending::released;
+use crate::events::{EventList, EventsOfModel};
 use crate::failure::{self, guarded, raise};
 use crate::functions::{Held, Kind};
 use crate::motion::with_motion;
-use crate::run;
+use crate::run::{self, Occurred};
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::{Request, Stepping};
@@ -114,7 +115,7 @@ impl Stepper {
         request: Request,
         ticks: (f64, u32),
         (t, q, v): (f64, Vec<f64>, Vec<f64>),
-        keeps: bool,
+        (keeps, events): (bool, Option<EventList>),
     ) -> PyResult<Self> {
         let kinds: Vec<Kind> = inputs.iter().map(kind).collect();
         let held = Arc::new(Held::new(model.functions(), &kinds));
@@ -131,7 +132,12 @@ impl Stepper {
         }
         let model = Arc::new(own);
         let motion = released(py, || Stepping::new(model.clone().into(), &request, ticks, (t, &q, &v), keeps));
-        let motion = motion.map_err(|e| failure::analysis(py, e))?;
+        let mut motion = motion.map_err(|e| failure::analysis(py, e))?;
+        if let Some(events) = events {
+            let events = EventsOfModel::new(model.clone(), events)?;
+            let observing = Box::new(move || Ok(events.observe()?));
+            motion.observe(observing).map_err(|e| failure::analysis(py, e))?;
+        }
         let mut standing = Standing::default();
         standing.read(&motion);
         let (motion, standing) = (Mutex::new(motion), Mutex::new(standing));
@@ -169,7 +175,7 @@ impl Stepper {
     /// `inputs`: forces of the description and components, drives without. `held` gives the initial values: a number,
     /// or five of the course of a drive (start time, a cubic).
     #[new]
-    #[pyo3(signature = (model, options, dt, steps, inputs, held, t, q, v, keeps))]
+    #[pyo3(signature = (model, options, dt, steps, inputs, held, t, q, v, keeps, events=None))]
     fn new(
         py: Python<'_>,
         model: &crate::model::Model,
@@ -182,12 +188,13 @@ impl Stepper {
         q: PyReadonlyArray1<'_, f64>,
         v: PyReadonlyArray1<'_, f64>,
         keeps: bool,
+        events: Option<EventList>,
     ) -> PyResult<Self> {
         guarded(py, || {
             let request = options.get().request().clone();
             let size = model.inner().size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
-            Self::around(py, model.inner(), (inputs, held), request, (dt, steps), (t, q, v), keeps)
+            Self::around(py, model.inner(), (inputs, held), request, (dt, steps), (t, q, v), (keeps, events))
         })
     }
 
@@ -223,6 +230,11 @@ impl Stepper {
                 motion.begin(t, &q, &v, &mut || self.held.set(&before))
             })
         })
+    }
+
+    /// Events of the last tick: number, whether the function rises, t, q, v.
+    fn occurred(&self, py: Python<'_>) -> PyResult<Vec<Occurred>> {
+        guarded(py, || self.with(py, |motion| Ok(run::occurred(motion.occurred()))))
     }
 
     /// Its state: t, q, v.

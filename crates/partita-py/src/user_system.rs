@@ -321,7 +321,7 @@ impl System {
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
             let system = Arc::new(self.measured(py, options.t0, &q)?);
             let tangent = run::tangent(self.f.n, tangent);
-            run::run(py, system, &options, &t_eval, (&q, &v), tangent, progress, true)
+            run::run(py, system, &options, &t_eval, (&q, &v), tangent, None, progress, true)
         })
     }
 

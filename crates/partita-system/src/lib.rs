@@ -11,6 +11,7 @@ pub mod compiled;
 pub mod cubic;
 pub mod equations;
 pub mod error;
+pub mod event;
 pub mod formulation;
 pub mod kinematics;
 pub mod manifold;

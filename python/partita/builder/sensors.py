@@ -265,9 +265,7 @@ def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, An
     if isinstance(of, dict):
         return _from_dict(m, element, of)
     if isinstance(of, Reading):
-        if isinstance(of, Sensor):
-            own_name(m, element, "of", of, Sensor)
-        return {"of": "expression", "expression": _tree(m, element, of.tree())}
+        return {"of": "expression", "expression": known_expression(m, element, of)}
     if isinstance(of, _MEASURES):
         return {"of": "measure", "measure": measure(m, element, of)}
     if isinstance(of, tuple | list):
@@ -283,6 +281,13 @@ def _data(m: Drawing, element: Element, of: Any, function: bool) -> dict[str, An
         f"a sensor cannot read {shown(of)}; give a body, (body, point), a joint, a force, a drive, a "
         "coupling, pt.Distance and the like, or an expression of other sensors"
     )
+
+
+def known_expression(m: Drawing, element: Element, of: Reading) -> Tree:
+    """A sensor of this mechanism or an expression of such, checked, as plain data."""
+    if isinstance(of, Sensor):
+        own_name(m, element, "of", of, Sensor)
+    return _tree(m, element, of.tree())
 
 
 def _point(m: Drawing, element: Element, body: Any, point: Any) -> dict[str, Any]:
@@ -368,7 +373,7 @@ def _sensor(m: Drawing, element: Element, one: Any) -> str:
 def _tree(m: Drawing, element: Element, tree: Tree, depth: int = 0) -> Tree:
     """An expression, checked."""
     if isinstance(tree, str):
-        return known(tree, m._description.sensors, f'sensor "{element.name}": ')
+        return known(tree, m._description.sensors, f'{element.kind} "{element.name}": ')
     if not isinstance(tree, list | tuple):
         return number(element, "a number in the expression", tree)
     if depth > 100:

@@ -22,6 +22,7 @@ from ..state import Layout, State
 from ..units import Quantity
 from .branches import on_branch
 from .goals import Goal, asked, goals_of, inputs_of, named, state_units, units_of
+from .events import observed
 from .models import Modelled, compile, layout_of
 
 
@@ -372,6 +373,7 @@ def simulate(
     solver: Solver | None = None,
     compiled: bool | str = "auto",
     parameters: Mapping[str, ArrayLike] | None = None,
+    events: Iterable[Any] | None = None,
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -412,6 +414,8 @@ def simulate(
         parameters: name -> value, numbers that replace those of the drawing, as in `CompiledModel.with_parameters`: for
             sweeps and gradients, where compiling again would cost more than the run. The loops must close in `initial`
             with these numbers.
+        events: a list of `pt.Event`, or of functions f(t, state) as SciPy has them, with attributes `direction` and
+            `terminal`; `run.events` has what happened. At most a limit, "events" in `pt.limits`, may happen.
 
     Returns:
         The result, also of a run that stopped early: check `success` and `message`.
@@ -433,7 +437,7 @@ def simulate(
     True
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
-    model, _ = layout_of(self, wanted, parameters)
+    model, layout = layout_of(self, wanted, parameters)
     start = start_of(self, initial, model, wanted, parameters)
     chosen = run_options.options(
         start.t,
@@ -452,7 +456,9 @@ def simulate(
         compiled=compiled,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver)
+    watched = observed(self, model, layout, events)
+    core_events = None if watched is None else watched.core
+    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver, core_events)
     if notes := (*self._remarks(), *model._sentences):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     found = Result.from_run(
@@ -462,6 +468,7 @@ def simulate(
         spec=model.description,
         options=chosen.of(wanted),
         sensors=model.sensors,
+        events=() if watched is None else watched.names,
     )
     if logger.isEnabledFor(INFO):  # what it says is computed when it is read
         outputs, steps = len(found.t), found.counters.get("steps", 0)

@@ -17,7 +17,7 @@ from .verdict import INVALID, Finding, findings_of
 
 ACCOUNT = (
     "summary", "partitions", "notes", "counters", "status", "success", "message", "steps_open", "gaps",
-    "exchanged", "geometric_error", "findings", "options", "spec", "version",
+    "exchanged", "geometric_error", "findings", "options", "spec", "version", "events",
 )  # fmt: skip
 
 
@@ -45,6 +45,8 @@ class Record:
     findings: list[Finding] = field(default_factory=list)
     """Findings against the run at the ends of its steps."""
     options: dict[str, Any] = field(default_factory=dict)
+    events: dict[str, Any] = field(default_factory=dict)
+    """Names of the events that were looked for, and those that happened, as plain data."""
     error: Exception | None = None
     """What ended the run early, from its cause; only in memory."""
     description: str | None = None
@@ -116,12 +118,13 @@ class Record:
     def from_account(cls, account: Mapping[str, Any], arrays: Mapping[str, Any]) -> Record:
         """The inverse of `account`, with the arrays restored."""
         spec = account["spec"]
-        own = ("spec", "steps_open", "gaps", "exchanged", "geometric_error", "findings", "version")
+        own = ("spec", "steps_open", "gaps", "exchanged", "geometric_error", "findings", "version", "events")
         reported = {key: account[key] for key in ACCOUNT if key not in own}
         reported["steps_open"], reported["gaps"] = _pair(account.get("steps_open")), _pair(account.get("gaps"))
         reported["exchanged"] = _pair((account.get("exchanged", 0.0), 0.0))[0]
         reported["geometric_error"] = _pair((account.get("geometric_error", 0.0), 0.0))[0]
         reported["findings"] = findings_of(account.get("findings", ()))
+        reported["events"] = dict(account.get("events") or {})
         reported["version"] = str(account.get("version", ""))
         return cls(
             arrays=Tables(arrays), **reported, description=None if spec is None else json.dumps(spec), of_file=True

@@ -7,6 +7,7 @@ use super::{Request, Run};
 use crate::error::AnalysisError;
 use crate::outputs::{self, States};
 use crate::{plausibility, poses};
+use partita_integrate::simulate::Observe;
 use partita_math::tolerance;
 use partita_model::spec::Spec;
 use partita_model::Model;
@@ -81,6 +82,7 @@ pub trait Balance: Motions {
         tangent: Option<Arc<dyn TangentMap>>,
         t_eval: &[f64],
         state: (&[f64], &[f64]),
+        observe: Option<Observe>,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Run, AnalysisError>
     where
@@ -108,12 +110,13 @@ macro_rules! runs_compiled_here {
             tangent: Option<Arc<dyn TangentMap>>,
             t_eval: &[f64],
             state: (&[f64], &[f64]),
+            observe: Option<Observe>,
             watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
         ) -> Result<Run, AnalysisError>
         where
             Self::Scratch: Send,
         {
-            super::integrated(self, request, tangent, t_eval, state, watch)
+            super::integrated(self, request, tangent, t_eval, state, observe, watch)
         }
 
         fn timed(

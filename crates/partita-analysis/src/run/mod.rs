@@ -19,9 +19,10 @@ pub use stepping::Stepping;
 pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
-use partita_integrate::simulate::{simulate_logged, Outcome, Status};
+use partita_integrate::simulate::{simulate_kept, Kept, Observe, Outcome, Status};
 use partita_integrate::step_log::StepLog;
 use partita_math::formatted;
+use partita_system::event::Occurrence;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
 use partita_system::record::{FormulationCounters, Gaps, Output};
@@ -35,6 +36,8 @@ pub struct Run {
     pub outcome: Outcome,
     /// The outputs and the choices in use.
     pub log: SolutionLog,
+    /// Events that occurred.
+    pub occurrences: Vec<Occurrence>,
     /// Work done below the integrator.
     pub counters: FormulationCounters,
     /// Rows kept at the end.
@@ -128,7 +131,23 @@ pub fn run<S: Balance<Scratch: Send>>(
     state: (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
-    system.integrated(request, tangent, t_eval, state, watch)
+    observed(system, request, tangent, t_eval, state, None, watch)
+}
+
+/// As [`run`](run()), with events.
+///
+/// # Errors
+/// See [`run`](run()).
+pub fn observed<S: Balance<Scratch: Send>>(
+    system: &S,
+    request: &Request,
+    tangent: Option<Arc<dyn TangentMap>>,
+    t_eval: &[f64],
+    state: (&[f64], &[f64]),
+    observe: Option<Observe>,
+    watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Run, AnalysisError> {
+    system.integrated(request, tangent, t_eval, state, observe, watch)
 }
 
 fn integrated<S: Balance<Scratch: Send>>(
@@ -137,6 +156,7 @@ fn integrated<S: Balance<Scratch: Send>>(
     tangent: Option<Arc<dyn TangentMap>>,
     t_eval: &[f64],
     (q, v): (&[f64], &[f64]),
+    observe: Option<Observe>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Run, AnalysisError> {
     let Prepared {
@@ -171,15 +191,21 @@ fn integrated<S: Balance<Scratch: Send>>(
         outputs.push(Output { work: output.work + work, ..output.clone() });
         Ok(())
     };
-    let mut steps = StepLog::within(request.step_bytes);
+    let observes = observe.is_some();
+    let mut kept = Kept { steps: StepLog::within(request.step_bytes), observe, ..Kept::default() };
     let (from, times) = ((t, &q_start[..], &v_start[..]), &reached[done..]);
-    let mut outcome = match simulate_logged(&mut *f, from, times, &settings, &mut steps, &mut sink, watch) {
+    let mut outcome = match simulate_kept(&mut *f, from, times, &settings, &mut kept, &mut sink, watch) {
         Err(SystemError::Singular { .. }) if rigid => return Err(prepared::no_reactions()),
         Err(e) => return Err(prepared::explained(system, e.into())),
         Ok(outcome) => outcome,
     };
+    let Kept { steps, mut occurrences, .. } = kept;
+    occurrences.iter_mut().for_each(|x| x.state.work += work);
     if let Some(singular_start) = &singular_start {
         singular_start.report(&mut outcome, &mut notes);
+        notes.extend(observes.then(|| {
+            format!("events were looked for from t = {t} s on, after the first step out of the singular position")
+        }));
         let first = outputs.first().filter(|x| x.t == request.t0).map(|x| (&x.q[..], &x.v[..]));
         notes.extend(inconsistent::note(system, &seen, (&q, &v), first));
     }
@@ -212,5 +238,5 @@ fn integrated<S: Balance<Scratch: Send>>(
     limits.judge_checks(system, &reported.checks, &mut findings);
     verdict::conclude(system, &mut *f, (&log, Some(&start)), &mut outcome, &mut findings);
     let exchanged = reported.checks.exchanged();
-    Ok(Run { outcome, log, counters, rows, closure_error, gaps, notes, exchanged, findings })
+    Ok(Run { outcome, log, occurrences, counters, rows, closure_error, gaps, notes, exchanged, findings })
 }

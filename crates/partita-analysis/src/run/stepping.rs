@@ -9,8 +9,9 @@ use partita_integrate::failure::StepFailure;
 use partita_integrate::march::{Control, March, Outputs};
 use partita_integrate::method::Method;
 use partita_integrate::options::Options;
-use partita_integrate::simulate::{explain, Outcome, Status};
+use partita_integrate::simulate::{explain, Observe, Outcome, Status};
 use partita_model::Model;
+use partita_system::event::Occurrence;
 use partita_system::formulation::{Formulation, Purpose};
 use partita_system::positions::turns;
 use partita_system::record::{Crossings, Gaps, Output, StepChecks};
@@ -47,6 +48,9 @@ fn ticking(
         .map_err(|e| AnalysisError::Argument { argument: "dt", message: e.to_string() })
 }
 
+/// Makes what finds the events of a motion that starts.
+pub type Observing = Box<dyn Fn() -> Result<Observe, AnalysisError> + Send + Sync>;
+
 /// A motion between two ticks.
 pub struct Stepping<'s> {
     system: SystemRef<'s, Model>,
@@ -76,6 +80,11 @@ pub struct Stepping<'s> {
     /// Data recorded for a result, if requested.
     kept: Option<Vec<Output>>,
     steps: u64,
+    /// Makes what finds events, if there are some.
+    observing: Option<Observing>,
+    /// Events of the last tick, and of those before, if these are recorded.
+    occurred: Vec<Occurrence>,
+    occurrences: Vec<Occurrence>,
     /// Largest constraint violations at the ends of the accepted steps, and their other checks.
     gaps: Gaps,
     checks: StepChecks,
@@ -125,11 +134,29 @@ impl<'s> Stepping<'s> {
             work: 0.0,
             kept,
             steps: 0,
+            occurred: Vec::new(),
+            occurrences: Vec::new(),
+            observing: None,
             gaps: Gaps::default(),
             checks: StepChecks::default(),
         };
         stepping.start_at((t, &q, &v), singular_start)?;
         Ok(stepping)
+    }
+
+    /// Find events from the start of the motion on.
+    ///
+    /// # Errors
+    /// Where their functions cannot be made.
+    pub fn observe(&mut self, observing: Observing) -> Result<(), AnalysisError> {
+        self.march.observe(observing()?);
+        self.observing = Some(observing);
+        Ok(())
+    }
+
+    /// The events of the last tick, in the order of time.
+    pub fn occurred(&self) -> &[Occurrence] {
+        &self.occurred
     }
 
     /// Restart at a closed state, without history: as a stepper made there.
@@ -154,7 +181,10 @@ impl<'s> Stepping<'s> {
         // a choice of coordinates, its order and its scales follow from the motion before
         let entry = entry.and_then(|entry| {
             let mut formulation = recipe.make(self.system.clone())?;
-            let march = ticking(&mut *formulation, entry.q.len(), self.method, (self.length, self.substeps))?;
+            let mut march = ticking(&mut *formulation, entry.q.len(), self.method, (self.length, self.substeps))?;
+            if let Some(observing) = &self.observing {
+                march.observe(observing()?);
+            }
             Ok((entry, formulation, march))
         });
         match entry {
@@ -202,6 +232,8 @@ impl<'s> Stepping<'s> {
         self.singular_start = singular_start;
         (self.gaps, self.checks) = (Gaps::default(), StepChecks::default());
         (self.origin, self.count) = (t, 0);
+        self.occurred.clear();
+        self.occurrences.clear();
         if let Some(kept) = &mut self.kept {
             kept.clear();
             kept.push(self.now.clone());
@@ -211,6 +243,7 @@ impl<'s> Stepping<'s> {
 
     /// Restore the state before a tick or a start that failed.
     fn back(&mut self) -> Result<(), AnalysisError> {
+        self.march.forget_occurrences();
         let f = &mut *self.formulation;
         if let Some(x) = &self.singular_start {
             return Ok(self.march.begin(f, x.step.t, (&x.step.q, &x.step.v), None)?);
@@ -251,8 +284,11 @@ impl<'s> Stepping<'s> {
                     let (gaps, checks) = self.formulation.point().checks();
                     self.gaps.raise(&gaps);
                     self.checks.raise(&checks);
+                    self.occurred = self.march.take_occurrences();
+                    self.occurred.iter_mut().for_each(|x| x.state.work += self.work);
                     if let Some(kept) = &mut self.kept {
                         kept.push(self.now.clone());
+                        self.occurrences.extend_from_slice(&self.occurred);
                     }
                     return Ok(());
                 }
@@ -340,6 +376,7 @@ impl<'s> Stepping<'s> {
         let (counters, rows, closure_error, gaps) =
             (reported.counters, reported.rows, reported.closure_error, self.gaps);
         let exchanged = self.checks.exchanged();
-        Run { outcome, log, counters, rows, closure_error, gaps, notes, exchanged, findings }
+        let occurrences = if here { self.occurred.clone() } else { self.occurrences.clone() };
+        Run { outcome, log, occurrences, counters, rows, closure_error, gaps, notes, exchanged, findings }
     }
 }

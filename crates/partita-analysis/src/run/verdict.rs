@@ -216,7 +216,7 @@ pub(super) fn conclude<S: Balance>(
 ) {
     of_steps(outcome, found);
     of_numbers(&log.outputs, found);
-    if outcome.status != Status::Finished {
+    if !matches!(outcome.status, Status::Finished | Status::Event) {
         return;
     }
     if let Err((t, error)) = agree(system, &log.outputs) {

@@ -4,7 +4,9 @@ use super::March;
 use crate::adapter::{is_of_a_position, Adapter};
 use crate::failure::StepFailure;
 use crate::stepper::Stepper;
+use crate::watch::Zero;
 use partita_math::tolerance;
+use partita_system::event::Occurrence;
 use partita_system::formulation::{Course, Formulation, Purpose};
 use partita_system::record::Output;
 use partita_system::SystemError;
@@ -30,6 +32,14 @@ impl<'o> Outputs<'o> {
     /// At these ascending times, into `sink`.
     pub fn new(t_eval: &'o [f64], sink: Sink<'o>) -> Self {
         Self { t_eval, next: 0, sink }
+    }
+
+    /// One more, unless it is the last one already.
+    pub(super) fn end_with(&mut self, last: &Output) -> Result<(), SystemError> {
+        match self.next.checked_sub(1).is_some_and(|i| self.t_eval[i] == last.t) {
+            true => Ok(()),
+            false => (self.sink)(last),
+        }
     }
 }
 
@@ -103,6 +113,26 @@ impl March {
             self.output = direct;
         }
         Ok(())
+    }
+
+    /// The states at the events of the concluded step.
+    pub(super) fn occurrences(&mut self, formulation: &mut dyn Formulation) -> Result<(), StepFailure<SystemError>> {
+        let Some(mut events) = self.watches.events.take() else { return Ok(()) };
+        let mut y = std::mem::take(&mut self.buffer);
+        let mut found = Vec::with_capacity(events.zeros().len());
+        let mut done = Ok(());
+        for &Zero { t, event, rises } in events.zeros() {
+            done = self.output_at(formulation, t, &mut y);
+            if done.is_err() {
+                break;
+            }
+            found.push(Occurrence { event, rises, state: self.output.clone() });
+        }
+        if done.is_ok() {
+            found.into_iter().for_each(|x| events.report(x));
+        }
+        (self.buffer, self.watches.events) = (y, Some(events));
+        done
     }
 
     pub(super) fn outputs(

@@ -5,35 +5,18 @@
 //! concluded step, by their values and rates at its ends and, where these are not conclusive, at points inside it, on its
 //! dense output. A step that crosses one is repeated and ends there.                                              (W1)
 
+use super::interval::{sides, Felt, Interval, Shown};
 use super::track::{Sample, Track};
 use super::{Look, StepView, Watch};
 use crate::failure::StepFailure;
 use partita_math::tolerance;
-use partita_system::cubic::{EDGE, INSIDE, LONGEST_CUBIC};
 use partita_system::error::six_digits;
 use partita_system::watched::{Guard, Reading};
 use partita_system::SystemError;
 
-/// Largest speed inside a step relative to those at its two ends. Scale: multiples of the speed at the ends. Reason:
-/// within the longest step that the error allows a speed doubles.
-const FASTER_INSIDE: f64 = 2.0;
-/// Least distance of the place at which a crossing is sought from the ends of its interval. Unit: fraction of the
-/// interval. Reason: the interval shrinks at least by that.
-const NEAR_AN_END: f64 = 1e-9;
 /// Longest first step on the other side of a guard. Unit: fraction of the natural size of the guard. Reason: a contact
 /// still acts there, whatever the motion.
 const FIRST_INSIDE: f64 = 0.1;
-
-/// Result of an interval for a guard.
-#[derive(Clone, Copy, PartialEq)]
-enum Shown {
-    /// It is not crossed.
-    Clear,
-    /// This fraction of the interval must be evaluated.
-    Doubtful(f64),
-    /// It is crossed here.
-    Crossed(f64),
-}
 
 /// The first crossing of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,7 +77,7 @@ impl GuardWatch {
     /// Readings at a stage of the dense output at t, which need not lie on the motion.
     fn look_beside(&mut self, track: &Track, t: f64, read: &mut dyn FnMut(&mut [Reading])) {
         let Some(start) = track.samples().first() else { return };
-        self.beside.resize(start.readings.len(), Reading::default());
+        self.beside.resize(track.count(), Reading::default());
         read(&mut self.beside);
         let met = (0..self.guards.len()).find(|g| {
             let (x, size) = (self.beside[*g].x, self.guards[*g].size);
@@ -142,11 +125,7 @@ impl GuardWatch {
 
     /// Its side before and after an instant, positive or not.
     fn sides(&self, g: usize, at: &Sample) -> (bool, bool) {
-        let Reading { x, rate, .. } = at.readings[g];
-        match x.abs() > self.small(g, at) || rate == 0.0 {
-            true => (x >= 0.0, x >= 0.0),
-            false => (rate < 0.0, rate > 0.0),
-        }
+        sides(at.readings[g], self.small(g, at))
     }
 
     /// A reading that is zero, as far as motions and times are known.
@@ -162,42 +141,13 @@ impl GuardWatch {
 
     /// Guard g over an interval, and at its start where that lies inside the step; `inside` flags both ends.
     fn shown(&self, g: usize, track: &Track, ends: &[Sample], inside: (bool, bool)) -> Shown {
-        let (from, to) = (&ends[0], &ends[1]);
-        let (before, after) = self.sides(g, from);
+        let (before, after) = self.sides(g, &ends[0]);
         if inside.0 && before != after {
-            return Shown::Crossed(from.t);
+            return Shown::Crossed(ends[0].t);
         }
-        let (h, (one, two), ahead) = (to.t - from.t, (from.readings[g], to.readings[g]), self.sides(g, to).0);
-        // at rest on a guard it is on the side towards which it moves
-        let small = self.small(g, from);
-        let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + tolerance::TAKES_PART * two.x.abs();
-        let after = if rests { ahead } else { after };
-        let crosses = after != ahead;
-        if h <= tolerance::SUM_ROUNDING * from.t.abs().max(to.t.abs()) {
-            // too short to be divided: a jump, unless the step ends here anyway
-            return if crosses && inside.1 { Shown::Crossed(to.t) } else { Shown::Clear };
-        }
-        let cubic = track.cubic(g, ends);
-        let cubic = if after { cubic } else { cubic.reversed() };
-        if crosses {
-            let zero = cubic.zero().clamp(NEAR_AN_END, 1.0 - NEAR_AN_END);
-            return Shown::Doubtful(from.t + h * zero);
-        }
-        let speed = one.speed.max(two.speed).max(self.recent[g]);
-        if one.apart + two.apart > FASTER_INSIDE * h * speed {
-            return Shown::Clear;
-        }
-        let off = from.off[g].unwrap_or(cubic.bend());
-        let smooth = h * from.fastest.max(to.fastest) <= LONGEST_CUBIC;
-        let (at, lowest) = cubic.lowest(off);
-        let grazes = || cubic.minimum().is_some_and(|x| x.1.abs().max(off) <= small);
-        let at = match smooth {
-            // on the other side its force is in the error of the step; on this one it is felt nowhere, and is looked for
-            true if (lowest > 0.0 && (!after || from.off[g].is_some())) || grazes() => return Shown::Clear,
-            true => at,
-            false => cubic.minimum().map_or(INSIDE, |x| x.0),
-        };
-        Shown::Doubtful(from.t + h * at.clamp(EDGE, 1.0 - EDGE))
+        let small = [self.small(g, &ends[0]), self.small(g, &ends[1])];
+        let (recent, goes_on, felt) = (self.recent[g], inside.1, Felt::Below);
+        Interval { ends, function: g, small, recent, goes_on, felt }.shown(track)
     }
 }
 

@@ -6,7 +6,10 @@
 
 mod breakpoints;
 mod discontinuity;
+mod events;
 mod guards;
+mod interval;
+mod observed;
 mod prescribed;
 mod singular;
 mod singular_times;
@@ -16,7 +19,9 @@ mod view;
 
 use crate::failure::StepFailure;
 use breakpoints::BreakpointWatch;
+pub(crate) use events::{EventWatch, Zero};
 use guards::GuardWatch;
+pub(crate) use observed::Observed;
 use partita_system::formulation::{Formulation, Repeated};
 use partita_system::SystemError;
 use prescribed::PrescribedWatch;
@@ -63,6 +68,7 @@ pub(crate) struct Watches {
     pub(crate) times: KnownTimes,
     singular: SingularWatch,
     pub(crate) prescribed: PrescribedWatch,
+    pub(crate) events: Option<EventWatch>,
 }
 
 impl Watches {
@@ -77,6 +83,7 @@ impl Watches {
             times: KnownTimes::new(watched.discontinuities),
             singular: SingularWatch,
             prescribed: PrescribedWatch::new(point.prescribing()),
+            events: None,
         };
         (watches, track)
     }
@@ -93,9 +100,10 @@ impl Watches {
     /// # Errors
     /// See [`Watch::look`].
     pub(crate) fn look(&mut self, step: &mut StepView) -> Result<Look, StepFailure<SystemError>> {
-        let Self { guards, breakpoints, singular, prescribed, times } = self;
+        let Self { guards, breakpoints, singular, prescribed, times, events } = self;
         let all: [&mut dyn Watch; 4] = [guards, breakpoints, singular, prescribed];
-        for watch in all {
+        let events = events.iter_mut().map(|events| events as &mut dyn Watch);
+        for watch in all.into_iter().chain(events) {
             match watch.look(step)? {
                 Look::Clear => {}
                 Look::EndAt { t, corner } => {
@@ -117,9 +125,10 @@ impl Watches {
 
     /// The concluded step stands.
     pub(crate) fn accept(&mut self, track: &mut Track) {
-        let Self { guards, breakpoints, singular, prescribed, times: _ } = self;
+        let Self { guards, breakpoints, singular, prescribed, times: _, events } = self;
         let all: [&mut dyn Watch; 4] = [guards, breakpoints, singular, prescribed];
-        all.into_iter().for_each(|watch| watch.accept(track));
+        let events = events.iter_mut().map(|events| events as &mut dyn Watch);
+        all.into_iter().chain(events).for_each(|watch| watch.accept(track));
         track.accept();
     }
 }

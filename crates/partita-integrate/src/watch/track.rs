@@ -1,9 +1,12 @@
 //! The watched functions along the current step: their readings at its start, at its end, and inside where these are not
 //! conclusive, with bounds of what the cubics between them miss. All watches share them.                       (W1)
 
+use super::observed::Observed;
 use partita_system::breakpoints::Reads;
 use partita_system::cubic::{errors_of_parts, Cubic, MOST_PLACES};
+use partita_system::formulation::Formulation;
 use partita_system::watched::Reading;
+use partita_system::SystemError;
 
 /// An instant of the step, with the bounds of the interval that begins there.
 #[derive(Clone, Debug, Default)]
@@ -24,9 +27,12 @@ impl Sample {
 }
 
 /// The functions along the current step.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(crate) struct Track {
     reads: Vec<Reads>,
+    /// How many of them are the system's. The others are those of the events.
+    count: usize,
+    pub(crate) observed: Option<Observed>,
     /// Start, points inside, end; `used` of them.
     samples: Vec<Sample>,
     used: usize,
@@ -45,7 +51,39 @@ pub(crate) fn cubic(reads: Reads, h: f64, from: Reading, to: Reading) -> Cubic {
 impl Track {
     /// Of functions that are read so.
     pub(crate) fn new(reads: Vec<Reads>) -> Self {
-        Self { reads, ..Self::default() }
+        Self { count: reads.len(), reads, ..Self::default() }
+    }
+
+    /// Follow these functions as well.
+    pub(crate) fn observe(&mut self, observed: Observed) {
+        self.reads.truncate(self.count);
+        self.reads.resize(self.count + observed.count(), Reads::Other);
+        (self.observed, self.used) = (Some(observed), 0);
+        self.samples.clear();
+    }
+
+    /// Number of functions of the system.
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Read the functions at the point last evaluated, with these whole turns, where a step ends at t or the integration
+    /// begins.
+    pub(crate) fn end_at(&mut self, t: f64, formulation: &mut dyn Formulation, turns: &[i32]) {
+        let (count, mut observed) = (self.count, self.observed.take());
+        self.end(t, |out| {
+            let fastest = formulation.point().readings(t, &mut out[..count]);
+            if let Some(observed) = &mut observed {
+                observed.read_here(t, formulation, turns, &mut out[count..]);
+            }
+            fastest
+        });
+        self.observed = observed;
+    }
+
+    /// The first reading of an event that failed.
+    pub(crate) fn failed(&mut self) -> Option<(f64, SystemError)> {
+        self.observed.as_mut().and_then(Observed::failed)
     }
 
     /// Whether there are no functions.
@@ -124,6 +162,9 @@ impl Track {
         if self.used > 0 {
             self.samples.swap(0, self.used - 1);
             self.used = 1;
+            if let Some(observed) = &mut self.observed {
+                observed.accept(self.samples[0].t);
+            }
         }
     }
 }

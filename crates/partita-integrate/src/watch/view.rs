@@ -71,6 +71,8 @@ pub(crate) struct StepView<'m> {
     pub(crate) lengths: Lengths,
     /// Error of the velocities that is allowed, relative, and absolute in natural sizes.
     pub(crate) tolerance: (f64, f64),
+    /// Whole turns removed from each coordinate before the step.
+    pub(crate) turns: &'m [i32],
 }
 
 impl StepView<'_> {
@@ -117,9 +119,18 @@ impl StepView<'_> {
         };
         let mut ode = Adapter { depth: Depth::Levels, after: Some(&mut look), ..Adapter::new(self.formulation) };
         self.stepper.interpolate(&mut ode, t, self.state)?;
-        let point = self.formulation.point();
-        point.evaluate(t, self.state).map_err(|error| StepFailure::Rhs { t, error })?;
-        self.track.inside(t, |out| point.readings(t, out));
-        Ok(())
+        let failed = |error| StepFailure::Rhs { t, error };
+        self.formulation.point().evaluate(t, self.state).map_err(failed)?;
+        let (count, mut observed) = (self.track.count(), self.track.observed.take());
+        let mut read = Ok(());
+        self.track.inside(t, |out| {
+            let fastest = self.formulation.point().readings(t, &mut out[..count]);
+            if let Some(observed) = &mut observed {
+                read = observed.read_inside((t, self.state), self.formulation, self.turns, &mut out[count..]);
+            }
+            fastest
+        });
+        self.track.observed = observed;
+        read.map_err(failed)
     }
 }

@@ -4,6 +4,7 @@ pub mod motion;
 pub mod registry;
 
 use crate::error::{Result, SystemError};
+use crate::event::MotionState;
 pub use crate::record::StepDecision;
 use crate::record::{Crossings, Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 pub use crate::singular::change_point::{Across, Pace};
@@ -204,6 +205,8 @@ pub trait Point: StepReplay {
     fn watched(&self) -> Watched;
     /// All levels at (t, y).
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()>;
+    /// Velocities and accelerations at the point last evaluated with all levels, and its position without whole turns.
+    fn state(&mut self, out: &mut MotionState);
     /// The fastest rate [1/s], and the watched functions.
     fn readings(&mut self, t: f64, out: &mut [Reading]) -> f64;
     /// The side at (t, y) inside the step that was judged or is attempted. `None` where sides cannot be compared.

@@ -18,6 +18,7 @@ pub use combinations::*;
 
 use super::{Depth, Formulation, Layout, Point, Prescribing, Prescription, Purpose, Side, Step, TrialEnd};
 use crate::error::Result;
+use crate::event::MotionState;
 use crate::positions::Positions;
 use crate::record::{Crossings, Gaps, History, Output, PartitionEvent, Sample, StepChecks, StepDecision};
 use crate::reduction::Reduction;
@@ -237,6 +238,15 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
     }
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
         self.levels(t, y, false)
+    }
+    fn state(&mut self, out: &mut MotionState) {
+        out.q.clear();
+        out.q.extend_from_slice(self.positions.q());
+        self.system.normalise(&mut out.q);
+        out.v.clear();
+        out.v.extend_from_slice(&self.tangent.seen().at.v);
+        out.vdot.resize(self.v.len(), 0.0);
+        self.tangent.full_acceleration(&mut out.vdot);
     }
     fn readings(&mut self, t: f64, out: &mut [Reading]) -> f64 {
         let r = self.tangent.reduction();

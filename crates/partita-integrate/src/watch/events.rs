@@ -1,0 +1,209 @@
+//! Events: the zeros of functions that only observe. They are located on the dense output of the step as it is taken, so
+//! that a run is the same to the bit whether it is observed or not. One that ends the integration has its step end there,
+//! on the true motion.                                                                                            (W1)
+
+use super::interval::{sides, Felt, Interval, Shown};
+use super::track::{Sample, Track};
+use super::{Look, StepView, Watch};
+use crate::failure::StepFailure;
+use partita_math::tolerance;
+use partita_system::event::{Event, Occurrence};
+use partita_system::SystemError;
+
+/// A zero of a function in the concluded step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Zero {
+    pub(crate) t: f64,
+    pub(crate) event: usize,
+    pub(crate) rises: bool,
+}
+
+/// What the readings show about the zeros of a step.
+enum Search {
+    /// All are found.
+    Done,
+    /// The functions must be read at this time.
+    Unclear(f64),
+}
+
+/// The events of an integration.
+#[derive(Debug, Default)]
+pub(crate) struct EventWatch {
+    events: Vec<Event>,
+    /// How often each has occurred.
+    count: Vec<u64>,
+    /// The largest value of each function so far: what it is rounded to.
+    size: Vec<f64>,
+    /// The longest step so far.
+    longest: f64,
+    /// The zeros of the concluded step that count, in the order of time.
+    zeros: Vec<Zero>,
+    /// Occurrences allowed.
+    most: usize,
+    occurrences: Vec<Occurrence>,
+}
+
+impl EventWatch {
+    /// These events, with at most so many occurrences.
+    pub(crate) fn new(events: Vec<Event>, most: usize) -> Self {
+        Self { count: vec![0; events.len()], size: vec![0.0; events.len()], most, events, ..Self::default() }
+    }
+
+    /// What has happened.
+    pub(crate) fn take_occurrences(&mut self) -> Vec<Occurrence> {
+        std::mem::take(&mut self.occurrences)
+    }
+
+    /// What has happened since then did not: the motion is set back.
+    pub(crate) fn forget_occurrences(&mut self) {
+        for occurrence in std::mem::take(&mut self.occurrences) {
+            self.count[occurrence.event] -= 1;
+        }
+        self.zeros.clear();
+    }
+
+    /// The zeros of the step that stands, to be reported.
+    pub(crate) fn zeros(&self) -> &[Zero] {
+        &self.zeros
+    }
+
+    /// One of them with its state.
+    pub(crate) fn report(&mut self, occurrence: Occurrence) {
+        self.count[occurrence.event] += 1;
+        self.occurrences.push(occurrence);
+    }
+
+    /// The last one.
+    pub(crate) fn last(&self) -> Option<&Occurrence> {
+        self.occurrences.last()
+    }
+
+    /// The event that ends the integration at the end of the last step.
+    pub(crate) fn ending(&self) -> Option<&str> {
+        let last = self.occurrences.last()?;
+        let at = self.occurrences.iter().rev().take_while(|x| x.state.t == last.state.t);
+        at.map(|x| x.event).find(|e| self.events[*e].last == Some(self.count[*e])).map(|e| &*self.events[e].name)
+    }
+
+    /// A reading of event e that is zero as far as it, motions and times are known.
+    fn small(&self, e: usize, track: &Track, at: &Sample) -> f64 {
+        let time = tolerance::SUM_ROUNDING * at.t.abs() + tolerance::LONG_ROUNDING * self.longest;
+        tolerance::SUM_ROUNDING * self.size[e] + time * at.readings[track.count() + e].rate.abs()
+    }
+
+    /// Its side before and after an instant.
+    fn sides(&self, e: usize, track: &Track, at: &Sample) -> (bool, bool) {
+        sides(at.readings[track.count() + e], self.small(e, track, at))
+    }
+
+    /// All zeros of the step, if its readings show them.
+    fn search(&mut self, track: &Track) -> Search {
+        self.zeros.clear();
+        let samples = track.samples();
+        for ends in samples.windows(2) {
+            for e in 0..self.events.len() {
+                let after = self.sides(e, track, &ends[0]).1;
+                let small = [self.small(e, track, &ends[0]), self.small(e, track, &ends[1])];
+                let (function, felt) = (track.count() + e, Felt::Nowhere);
+                let interval = Interval { ends, function, small, recent: 0.0, goes_on: true, felt };
+                match interval.shown(track) {
+                    Shown::Clear => {}
+                    Shown::Doubtful(t) if !track.is_full() => return Search::Unclear(t),
+                    Shown::Doubtful(_) => {}
+                    Shown::Crossed(t) => self.zeros.push(Zero { t, event: e, rises: !after }),
+                }
+                // one at the start of the step belongs to the step before
+                let (before, after) = self.sides(e, track, &ends[1]);
+                if before != after {
+                    self.zeros.push(Zero { t: ends[1].t, event: e, rises: after });
+                }
+            }
+        }
+        self.put_in_order();
+        Search::Done
+    }
+
+    /// In the order of time, and at one instant in that of definition; those that do not count are left out.
+    fn put_in_order(&mut self) {
+        let Self { zeros, events, count, .. } = self;
+        zeros.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.event.cmp(&b.event)));
+        for i in 1..zeros.len() {
+            // times as close as this are one instant
+            if zeros[i].t - zeros[i - 1].t <= tolerance::SUM_ROUNDING * zeros[i].t.abs() {
+                zeros[i].t = zeros[i - 1].t;
+            }
+        }
+        zeros.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.event.cmp(&b.event)));
+        let mut seen = count.clone();
+        zeros.retain(|zero| {
+            let (event, seen) = (&events[zero.event], &mut seen[zero.event]);
+            let counts = event.direction.counts(zero.rises) && *seen < event.most;
+            *seen += u64::from(counts);
+            counts
+        });
+    }
+
+    /// The first zero that ends the integration.
+    fn first_ending(&self) -> Option<Zero> {
+        let mut seen = self.count.clone();
+        self.zeros.iter().copied().find(|zero| {
+            seen[zero.event] += 1;
+            self.events[zero.event].last == Some(seen[zero.event])
+        })
+    }
+
+    /// More occurrences than are allowed.
+    fn too_many(&self) -> Option<SystemError> {
+        if self.occurrences.len() + self.zeros.len() <= self.most {
+            return None;
+        }
+        let (first, last) = (self.zeros.first()?, self.occurrences.last().map(|x| x.state.t));
+        let often = self.count.iter().enumerate().max_by_key(|x| *x.1).map_or(first.event, |x| x.0);
+        Some(SystemError::argument(
+            "events",
+            format!(
+                "event \"{}\" at t = {} s is one more than the {} events that a run may have (the last one was at t = {} \
+                 s, \"{}\" occurred {} times): its function oscillates about zero or returns to it; give it a direction, \
+                 an end (terminal=True) or once=True, shorten the run, or raise the limit \"events\"",
+                self.events[first.event].name,
+                first.t,
+                self.most,
+                last.unwrap_or(first.t),
+                self.events[often].name,
+                self.count[often],
+            ),
+        ))
+    }
+}
+
+impl Watch for EventWatch {
+    fn look(&mut self, step: &mut StepView) -> Result<Look, StepFailure<SystemError>> {
+        let (from, to) = step.ends();
+        self.longest = self.longest.max(to - from);
+        if let ([from, ..], [.., to]) = (step.track.samples(), step.track.samples()) {
+            let first = step.track.count();
+            for (size, (a, b)) in self.size.iter_mut().zip(from.readings.iter().zip(&to.readings).skip(first)) {
+                *size = size.max(a.x.abs()).max(b.x.abs());
+            }
+        }
+        loop {
+            if let Some((t, error)) = step.track.failed() {
+                return Ok(Look::Refuse(t, error));
+            }
+            match self.search(step.track) {
+                Search::Done => break,
+                Search::Unclear(t) => step.sample(t, &mut |_, _, _| {})?,
+            }
+        }
+        if let Some(end) = self.first_ending() {
+            if !step.ends_at(end.t) && end.t < to {
+                return Ok(Look::EndAt { t: end.t, corner: false });
+            }
+        }
+        Ok(self.too_many().map_or(Look::Clear, |error| Look::Refuse(to, error)))
+    }
+
+    fn accept(&mut self, _track: &Track) {
+        self.zeros.clear();
+    }
+}

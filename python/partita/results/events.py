@@ -1,0 +1,113 @@
+"""Events of a run: what happened, when, and the state there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, overload
+
+import numpy as np
+
+from ..naming import index_of
+from ..state import Layout, State
+
+CROSSING = "crossing"
+
+
+@dataclass(frozen=True, eq=False)
+class EventRecord:
+    """An event that happened."""
+
+    t: float
+    """When [s]."""
+    name: str
+    kind: str
+    """"crossing": what is followed passes a value."""
+    direction: int
+    """1 where it rises through the value, -1 where it falls."""
+    before: State
+    """The state there, which a run can start from (`initial=`)."""
+    after: State
+    """The state from which the motion goes on: the same where nothing acts on it."""
+
+    def __repr__(self) -> str:
+        way = "rising" if self.direction > 0 else "falling"
+        return f"<event {self.name!r} at t = {self.t:.9g} s: {self.kind}, {way}>"
+
+
+class Events(Sequence[EventRecord]):
+    """The events of a run in the order of time, those of one instant in the order in which they were given.
+
+    `events[0]` is a record, `events["top"]` the list of those of that name.
+    """
+
+    def __init__(self, names: Sequence[str], records: Sequence[EventRecord]) -> None:
+        self.names = tuple(names)
+        """Names of all events that were looked for, also of those that did not happen."""
+        self._records = tuple(records)
+
+    @property
+    def t(self) -> Any:
+        """(n,): times [s]."""
+        return np.array([record.t for record in self._records])
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+    @overload
+    def __getitem__(self, key: int) -> EventRecord: ...
+    @overload
+    def __getitem__(self, key: slice) -> Sequence[EventRecord]: ...
+    @overload
+    def __getitem__(self, key: str) -> Events: ...
+
+    def __getitem__(self, key: int | slice | str) -> EventRecord | Sequence[EventRecord]:
+        """A record by its number, or those of a name; `UnknownNameError` with the nearest name."""
+        if isinstance(key, str):
+            name = self.names[index_of(key, list(self.names), "event")]
+            return Events((name,), [record for record in self._records if record.name == name])
+        return self._records[key]
+
+    def __iter__(self) -> Iterator[EventRecord]:
+        return iter(self._records)
+
+    def __repr__(self) -> str:
+        if not self.names:
+            return "<no events were looked for>"
+        if not self._records:
+            return f"<none of the events happened: {', '.join(self.names)}>"
+        return "\n".join(map(repr, self._records))
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{record.t:.9g}</td><td>{_escaped(record.name)}</td><td>{record.kind}</td>"
+            f"<td>{record.direction:+d}</td></tr>"
+            for record in self._records
+        )
+        head = "".join(f"<th>{word}</th>" for word in ("t [s]", "name", "kind", "direction"))
+        return f"<table><tr>{head}</tr>{rows}</table>"
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def written(names: Sequence[str], occurred: Sequence[tuple[int, bool, float, list[float], list[float]]]) -> Any:
+    """Events as plain data, for files."""
+    found = [
+        {"name": names[event], "kind": CROSSING, "direction": 1 if rises else -1, "t": t, "q": q, "v": v}
+        for event, rises, t, q, v in occurred
+    ]
+    return {"names": list(names), "records": found}
+
+
+def events_of(data: Mapping[str, Any], layout: Layout) -> Events:
+    """The inverse of `written`."""
+    records = []
+    for item in data.get("records", ()):
+        q, v = np.array(item["q"], dtype=float), np.array(item["v"], dtype=float)
+        state = State.computed(float(item["t"]), q, v, layout)
+        records.append(
+            EventRecord(state.t, str(item["name"]), str(item["kind"]), int(item["direction"]), state, state)
+        )
+    return Events([str(name) for name in data.get("names", ())], records)
