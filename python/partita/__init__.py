@@ -18,7 +18,8 @@ from . import errors, limits, partition, units
 from ._core import version as _version
 from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
-from .mechanism import Event, Mechanism, load
+from .events import Event
+from .mechanism import Mechanism, load
 from .solver import Solver
 from .state import State
 from .sweep import load_sweep, samples, sweep

@@ -19,6 +19,9 @@ class Options:
 
     def __init__(self, text: str) -> None: ...
 
+EventList = tuple[str, Sequence[Callable[[float, Array, Array], float]], int]
+"""Events as text, the functions that they call, and how many may occur."""
+
 class Stepper:
     """A motion stepped tick by tick under inputs."""
 
@@ -34,12 +37,16 @@ class Stepper:
         q: Array,
         v: Array,
         keeps: bool,
+        events: EventList | None = None,
     ) -> None:
         """For ticks of `dt`, each of so many `steps`; inputs are forces of the description and components, or
         drives; `held` has a number for each, five of the course of a drive: since when, and a cubic."""
 
     def step(self, inputs: Array) -> tuple[float, Array, Array]:
         """One tick with these numbers held; t, q, v after it."""
+
+    def occurred(self) -> list[tuple[int, bool, float, list[float], list[float]]]:
+        """Events of the last tick: number, whether the function rises, t, q, v."""
 
     def begin(self, inputs: Array, t: float, q: Array, v: Array) -> None:
         """Stand at a closed state, with these numbers held."""
@@ -312,6 +319,7 @@ class Model:
         progress: Callable[[float], None] | None,
         tangent: Any = None,
         step_bytes: int = 0,
+        events: EventList | None = None,
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
 
@@ -475,6 +483,7 @@ class System:
         progress: Callable[[float], None] | None,
         tangent: Any = None,
         step_bytes: int = 0,
+        events: EventList | None = None,
     ) -> dict[str, Any]: ...
     def evaluation_costs(
         self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None

@@ -60,7 +60,7 @@ class Core(Protocol):
         progress: Callable[[float], None] | None,
         tangent: Any = None,
         step_bytes: int = 0,
-        events: Any = None,
+        events: _core.EventList | None = None,
     ) -> dict[str, Any]:
         """Outputs, logs and counters of a run."""
 
@@ -228,17 +228,16 @@ def run(
     v: Array,
     progress: Any,
     solver: Solver | None = None,
-    events: Any = None,
+    events: _core.EventList | None = None,
 ) -> dict[str, Any]:
     """Integrate in the core, and return its result."""
     tangent = checked_solver(solver).tangent
     own = None if tangent is None else tangent_of(tangent, v.size)
     q, v = np.ascontiguousarray(q), np.ascontiguousarray(v)
-    more = (own, limit("step_bytes")) if events is None else (own, limit("step_bytes"), events)
     if progress is False:
-        return core.simulate(chosen.core, t_eval, q, v, None, *more)
+        return core.simulate(chosen.core, t_eval, q, v, None, own, limit("step_bytes"), events)
     with reporting(progress, chosen["t_end"] - chosen["t0"], "s") as report:
-        return core.simulate(chosen.core, t_eval, q, v, report, *more)
+        return core.simulate(chosen.core, t_eval, q, v, report, own, limit("step_bytes"), events)
 
 
 def si(what: str, value: Any, unit: SI) -> Any:

@@ -13,6 +13,7 @@ from . import _core
 from . import options as run_options
 from .builder.compiled import Equations, checked
 from .errors import ArgumentError, DescriptionError, EvaluationError
+from .events import of_functions
 from .extras import check_not_ending
 from .numeric import floats, is_list, shown
 from .solver import Solver
@@ -202,6 +203,7 @@ def simulate(
     independent: Iterable[str] | None = None,
     solver: Solver | None = None,
     compiled: bool | str = "auto",
+    events: Iterable[Any] | None = None,
 ) -> Result:
     """Compute the motion of a `System` over `duration` seconds; for a mechanism call its own `simulate`.
 
@@ -211,6 +213,7 @@ def simulate(
         q0, v0: initial state (n,), which must satisfy the constraints; or give `initial`, a state from
             `System.assemble`.
         t0: initial time [s]; with `initial` its time is used.
+        events: a list of `pt.Event` of functions f(t, state), or of such functions.
 
     The other options, their defaults, the result and the errors are those of `Mechanism.simulate`.
 
@@ -246,8 +249,10 @@ def simulate(
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     summary = system.summary(start.t, start.q)
-    raw = run_options.run(system.core, chosen, times, start.q, start.v, progress, solver)
-    return Result.from_run(raw, model=system.core, summary=summary, options=dict(chosen))
+    watched = of_functions(events, system._layout())
+    followed, names = (None, ()) if watched is None else (watched.core, watched.names)
+    raw = run_options.run(system.core, chosen, times, start.q, start.v, progress, solver, followed)
+    return Result.from_run(raw, model=system.core, summary=summary, options=dict(chosen), events=names)
 
 
 def _start(system: System, q0: ArrayLike | None, v0: ArrayLike | None, t0: float, initial: State | None) -> State:

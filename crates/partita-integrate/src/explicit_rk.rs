@@ -61,6 +61,8 @@ pub struct ExplicitRungeKutta {
     span: f64,
     /// Where the next step is to end at the latest.
     goal: Option<f64>,
+    /// A step of a fixed grid ends here instead of at the next point.
+    before_grid: Option<f64>,
     /// Whether the slopes have a corner at `goal`, and at `t_old`.
     corner_ahead: bool,
     corner_behind: bool,
@@ -130,6 +132,7 @@ impl ExplicitRungeKutta {
             t_end: 0.0,
             span: 0.0,
             goal: None,
+            before_grid: None,
             corner_ahead: false,
             corner_behind: false,
             sloped_at: 0.0,
@@ -198,7 +201,8 @@ impl ExplicitRungeKutta {
     fn plan(&self) -> (f64, f64) {
         let first = |a: f64, b: f64| if (b - a) * self.direction < 0.0 { b } else { a };
         let ahead = || self.goal.into_iter().fold(self.t_end, first);
-        let goal = self.grid.as_ref().map_or_else(ahead, FixedGrid::goal);
+        let on_grid = |grid: &FixedGrid| self.before_grid.unwrap_or(grid.goal());
+        let goal = self.grid.as_ref().map_or_else(ahead, on_grid);
         let rest = goal - self.t_old;
         if rest.abs() <= tolerance::TO_THE_END * self.step {
             return (rest, goal);

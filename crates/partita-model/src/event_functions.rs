@@ -1,18 +1,20 @@
 //! Functions of events: measures of the mechanism with their rates, arithmetic of these, and functions of the user.
 
 use crate::error::DescriptionError;
+use crate::evaluator::Engine;
 use crate::measurement::Maker;
-use crate::model::{Model, ModelScratch};
+use crate::model::Model;
 use crate::observe::DegreeOfFreedom;
 use crate::spec::Measure;
+use crate::tree::{Tree, TreeScratch};
 use crate::value::Functions;
-use partita_math::spatial::Spatial;
+use partita_math::spatial::{Planar, Space, Spatial};
 use partita_math::tolerance;
 use partita_system::event::{EventFunctions, MotionState};
-use partita_system::prelude::*;
 use partita_system::watched::Reading;
-use partita_system::SystemError;
+use partita_system::{ConstrainedSystem, SystemError};
 use serde::Deserialize;
+use std::f64::consts::TAU;
 use std::fmt::{Debug, Formatter};
 use std::sync::Arc;
 
@@ -49,16 +51,16 @@ pub enum Formula {
 
 /// The same, with its measures by their numbers.
 #[derive(Clone, Debug)]
-enum Tree {
+enum Term {
     Number(f64),
     Time,
     Position(usize),
     Velocity(usize),
     Call(usize),
-    Sum(Vec<Tree>),
-    Product(Vec<Tree>),
-    Quotient(Box<[Tree; 2]>),
-    Norm(Box<Tree>),
+    Sum(Vec<Term>),
+    Product(Vec<Term>),
+    Quotient(Box<[Term; 2]>),
+    Norm(Box<Term>),
 }
 
 /// x, x' and x''.
@@ -66,22 +68,100 @@ type Course = [f64; 3];
 
 /// A measure, and what is known about its whole turns.
 #[derive(Debug)]
-struct Followed {
-    freedom: DegreeOfFreedom,
+struct Followed<G: Space<S = f64>> {
+    freedom: DegreeOfFreedom<G>,
     /// t, x, x' where the motion stands, for an angle that is known up to whole turns.
     last: Option<(f64, f64, f64)>,
     /// The same at the instants read since.
     read: Vec<(f64, f64, f64)>,
 }
 
-/// The functions of the events of a mechanism.
-pub struct MechanismFunctions {
+impl<G: Space<S = f64>> Followed<G> {
+    fn course(&mut self, tree: &Tree<G>, s: &TreeScratch<G>, at: &MotionState) -> Course {
+        let [mut x, rate, second] = self.freedom.course(tree, s, (&at.q, &at.v, &at.vdot));
+        if self.freedom.wraps() {
+            if let Some((t, last, last_rate)) = self.last {
+                // of the candidates the one next to the mean of both rates
+                let expected = last + 0.5 * (last_rate + rate) * (at.t - t);
+                x += ((expected - x) / TAU).round() * TAU;
+            }
+            self.read.push((at.t, x, rate));
+        }
+        [x, rate, second]
+    }
+
+    fn accept(&mut self, t: f64) {
+        self.last = self.read.iter().rev().find(|read| read.0 == t).copied().or(self.last);
+        self.read.clear();
+    }
+}
+
+/// Measures along a motion.
+trait Measures: Send + Sync {
+    /// The course of each at a state.
+    fn read(&mut self, at: &MotionState, courses: &mut [Course]);
+    /// See [`EventFunctions::accept`].
+    fn accept(&mut self, t: f64);
+}
+
+/// Measures in the space of the evaluations, with memory.
+struct FollowedIn<G: Space<S = f64>> {
     model: Arc<Model>,
-    scratch: ModelScratch,
+    /// The tree of the model in this space.
+    tree: fn(&Model) -> &Tree<G>,
+    all: Vec<Followed<G>>,
+    scratch: TreeScratch<G>,
+}
+
+impl<G: Space<S = f64>> FollowedIn<G> {
+    /// These measures of the events of these names.
+    fn new(
+        model: Arc<Model>,
+        tree: fn(&Model) -> &Tree<G>,
+        measures: &[(Measure, String)],
+    ) -> Result<Self, DescriptionError> {
+        let maker = Maker::<G>::new(&model.spec, &model.own.placed, &model.own.numbers, tree(&model))?;
+        let mut all = Vec::with_capacity(measures.len());
+        for (measure, name) in measures {
+            let freedom = DegreeOfFreedom::new(maker.reading(measure, "event", name)?, &model);
+            all.push(Followed { freedom, last: None, read: Vec::new() });
+        }
+        let scratch = tree(&model).scratch();
+        Ok(Self { model, tree, all, scratch })
+    }
+}
+
+impl<G: Space<S = f64>> Measures for FollowedIn<G> {
+    fn read(&mut self, at: &MotionState, courses: &mut [Course]) {
+        let tree = (self.tree)(&self.model);
+        if self.all.iter().any(|x| x.freedom.needs_look()) {
+            tree.poses(&at.q, &mut self.scratch);
+            tree.twists(&at.v, &mut self.scratch);
+        }
+        for (x, course) in self.all.iter_mut().zip(courses) {
+            *course = x.course(tree, &self.scratch, at);
+        }
+    }
+    fn accept(&mut self, t: f64) {
+        self.all.iter_mut().for_each(|x| x.accept(t));
+    }
+}
+
+/// Of a system without bodies and joints.
+struct NoMeasures;
+
+impl Measures for NoMeasures {
+    fn read(&mut self, _: &MotionState, _: &mut [Course]) {}
+    fn accept(&mut self, _: f64) {}
+}
+
+/// Functions of events by formulas.
+pub struct Formulas<S> {
+    system: Arc<S>,
     functions: Arc<dyn Functions>,
     names: Vec<String>,
-    trees: Vec<Tree>,
-    followed: Vec<Followed>,
+    terms: Vec<Term>,
+    measures: Box<dyn Measures>,
     courses: Vec<Course>,
     /// When the first reading was made: functions may not be defined before.
     start: Option<f64>,
@@ -91,70 +171,79 @@ pub struct MechanismFunctions {
     dv: Vec<f64>,
 }
 
-impl Debug for MechanismFunctions {
+impl<S> Debug for Formulas<S> {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("MechanismFunctions").field("names", &self.names).field("trees", &self.trees).finish()
+        f.debug_struct("Formulas").field("names", &self.names).field("terms", &self.terms).finish()
     }
 }
 
-impl MechanismFunctions {
-    /// Of events by name; `functions` are those of the user.
+impl Formulas<Model> {
+    /// Of a mechanism, by name; `functions` are those of the user.
     ///
     /// # Errors
     /// Where a measure does not exist, or a function.
-    pub fn new(
+    pub fn of_mechanism(
         model: Arc<Model>,
         formulas: &[(String, Formula)],
         functions: Arc<dyn Functions>,
     ) -> Result<Self, DescriptionError> {
-        let own = &model.own;
-        let maker = Maker::<Spatial<f64>>::new(&model.spec, &own.placed, &own.numbers, &own.full)?;
-        let (mut measures, mut followed) = (Vec::new(), Vec::new());
-        let mut follow = |measure: &Measure, name: &str| {
-            if let Some(i) = measures.iter().position(|known| known == measure) {
-                return Ok(i);
-            }
-            let freedom = DegreeOfFreedom::new(maker.reading(measure, "event", name)?, &model);
-            measures.push(measure.clone());
-            followed.push(Followed { freedom, last: None, read: Vec::new() });
-            Ok::<usize, DescriptionError>(followed.len() - 1)
+        let mut measures = Vec::new();
+        let terms = numbered_all(formulas, &*functions, &mut measures)?;
+        let followed: Box<dyn Measures> = match &model.own.engine {
+            Engine::Planar(_) => Box::new(FollowedIn::<Planar<f64>>::new(model.clone(), in_plane, &measures)?),
+            Engine::Full => Box::new(FollowedIn::<Spatial<f64>>::new(model.clone(), |m| &m.own.full, &measures)?),
         };
-        let mut trees = Vec::with_capacity(formulas.len());
-        for (name, formula) in formulas {
-            trees.push(planted(formula, name, functions.count(), &mut follow)?);
+        Ok(Self::with(model, functions, formulas, terms, (followed, measures.len())))
+    }
+}
+
+/// The tree in the plane.
+fn in_plane(model: &Model) -> &Tree<Planar<f64>> {
+    match &model.own.engine {
+        Engine::Planar(tree) => tree,
+        Engine::Full => unreachable!("measures in the plane are those of a planar mechanism"),
+    }
+}
+
+impl<S: ConstrainedSystem> Formulas<S> {
+    /// Of a system that has no measures, by name; `functions` are those of the user.
+    ///
+    /// # Errors
+    /// Where a formula reads a measure, or a function does not exist.
+    pub fn of_system(
+        system: Arc<S>,
+        formulas: &[(String, Formula)],
+        functions: Arc<dyn Functions>,
+    ) -> Result<Self, DescriptionError> {
+        let mut measures = Vec::new();
+        let terms = numbered_all(formulas, &*functions, &mut measures)?;
+        match measures.first() {
+            None => Ok(Self::with(system, functions, formulas, terms, (Box::new(NoMeasures), 0))),
+            Some((_, name)) => {
+                let message = "a system given by matrices has no joints and no measures; give a function f(t, state)";
+                Err(DescriptionError::new("event", name, message))
+            }
         }
-        let size = model.size();
-        let (q, v, dv) = (vec![0.0; size.nq], vec![0.0; size.nv], vec![0.0; size.nv]);
-        let (scratch, courses) = (model.scratch(), vec![[0.0; 3]; followed.len()]);
-        let names = formulas.iter().map(|x| x.0.clone()).collect();
-        Ok(Self { model, scratch, functions, names, trees, followed, courses, start: None, q, v, dv })
     }
 
-    /// The measures at a state.
-    fn measure(&mut self, at: &MotionState) {
-        let Self { model, scratch, followed, courses, .. } = self;
-        if followed.iter().any(|x| x.freedom.needs_look()) {
-            model.equations().look(&at.q, &at.v, scratch.equations());
-        }
-        for (x, course) in followed.iter_mut().zip(courses) {
-            let [mut value, rate] = x.freedom.value_and_rate(model, (&at.q, &at.v), scratch);
-            if x.freedom.wraps() {
-                if let Some((t, last, last_rate)) = x.last {
-                    // of the candidates the one next to the mean of both rates
-                    let expected = last + 0.5 * (last_rate + rate) * (at.t - t);
-                    value += ((expected - value) / std::f64::consts::TAU).round() * std::f64::consts::TAU;
-                }
-                x.read.push((at.t, value, rate));
-            }
-            *course = [value, rate, x.freedom.acceleration(model, &at.vdot, scratch)];
-        }
+    fn with(
+        system: Arc<S>,
+        functions: Arc<dyn Functions>,
+        formulas: &[(String, Formula)],
+        terms: Vec<Term>,
+        (measures, count): (Box<dyn Measures>, usize),
+    ) -> Self {
+        let size = system.size();
+        let (q, v, dv) = (vec![0.0; size.nq], vec![0.0; size.nv], vec![0.0; size.nv]);
+        let names = formulas.iter().map(|x| x.0.clone()).collect();
+        Self { system, functions, names, terms, measures, courses: vec![[0.0; 3]; count], start: None, q, v, dv }
     }
 
     /// x and x' of a function of the user, which is called at the state and shortly before.
     fn called(&mut self, i: usize, name: &str, at: &MotionState) -> Result<Course, SystemError> {
         let failed = |source| SystemError::Function { what: format!("event \"{name}\""), source };
         let x = self.functions.scalar(i, at.t, &at.q, &at.v).map_err(failed)?;
-        let fastest = self.model.travel(&at.v).max(self.model.travel(&at.vdot).sqrt());
+        let fastest = self.system.travel(&at.v).max(self.system.travel(&at.vdot).sqrt());
         let span = (DIFFERENCE / fastest).min(LONGEST_DIFFERENCE).max(tolerance::DIFFERENCE_ROUNDING * at.t.abs());
         // not before the start
         let h = if self.start.is_some_and(|start| at.t - span >= start) { -span } else { span };
@@ -162,20 +251,20 @@ impl MechanismFunctions {
         for ((dv, v), (a, moved)) in self.dv.iter_mut().zip(&at.v).zip(at.vdot.iter().zip(&mut self.v)) {
             (*dv, *moved) = (h * (v + 0.5 * h * a), v + h * a);
         }
-        self.model.step(&mut self.q, &self.dv);
+        self.system.step(&mut self.q, &self.dv);
         let beside = self.functions.scalar(i, at.t + h, &self.q, &self.v).map_err(failed)?;
         Ok([x, (beside - x) / h, 0.0])
     }
 
-    fn course(&mut self, tree: &Tree, name: &str, at: &MotionState) -> Result<Course, SystemError> {
+    fn course(&mut self, term: &Term, name: &str, at: &MotionState) -> Result<Course, SystemError> {
         let product = |[x, dx, _]: Course, [y, dy, _]: Course| [x * y, x * dy + y * dx, 0.0];
-        Ok(match tree {
-            Tree::Number(x) => [*x, 0.0, 0.0],
-            Tree::Time => [at.t, 1.0, 0.0],
-            Tree::Position(i) => self.courses[*i],
-            Tree::Velocity(i) => [self.courses[*i][1], self.courses[*i][2], 0.0],
-            Tree::Call(i) => self.called(*i, name, at)?,
-            Tree::Sum(parts) => {
+        Ok(match term {
+            Term::Number(x) => [*x, 0.0, 0.0],
+            Term::Time => [at.t, 1.0, 0.0],
+            Term::Position(i) => self.courses[*i],
+            Term::Velocity(i) => [self.courses[*i][1], self.courses[*i][2], 0.0],
+            Term::Call(i) => self.called(*i, name, at)?,
+            Term::Sum(parts) => {
                 let mut sum = [0.0; 3];
                 for part in parts {
                     let [x, dx, _] = self.course(part, name, at)?;
@@ -183,19 +272,19 @@ impl MechanismFunctions {
                 }
                 sum
             }
-            Tree::Product(parts) => {
+            Term::Product(parts) => {
                 let mut found = [1.0, 0.0, 0.0];
                 for part in parts {
                     found = product(found, self.course(part, name, at)?);
                 }
                 found
             }
-            Tree::Quotient(parts) => {
+            Term::Quotient(parts) => {
                 let [x, dx, _] = self.course(&parts[0], name, at)?;
                 let [y, dy, _] = self.course(&parts[1], name, at)?;
                 [x / y, (dx - x / y * dy) / y, 0.0]
             }
-            Tree::Norm(part) => {
+            Term::Norm(part) => {
                 let [x, dx, _] = self.course(part, name, at)?;
                 [x.abs(), if x < 0.0 { -dx } else { dx }, 0.0]
             }
@@ -203,45 +292,64 @@ impl MechanismFunctions {
     }
 }
 
+/// All formulas, with the measures that they read.
+fn numbered_all(
+    formulas: &[(String, Formula)],
+    functions: &dyn Functions,
+    measures: &mut Vec<(Measure, String)>,
+) -> Result<Vec<Term>, DescriptionError> {
+    let mut follow = |measure: &Measure, name: &str| {
+        measures.iter().position(|known| known.0 == *measure).unwrap_or_else(|| {
+            measures.push((measure.clone(), name.to_owned()));
+            measures.len() - 1
+        })
+    };
+    let mut terms = Vec::with_capacity(formulas.len());
+    for (name, formula) in formulas {
+        terms.push(numbered(formula, name, functions.count(), &mut follow)?);
+    }
+    Ok(terms)
+}
+
 /// A formula with the numbers of its measures, which `follow` gives.
-fn planted(
+fn numbered(
     formula: &Formula,
     name: &str,
     functions: usize,
-    follow: &mut dyn FnMut(&Measure, &str) -> Result<usize, DescriptionError>,
-) -> Result<Tree, DescriptionError> {
+    follow: &mut dyn FnMut(&Measure, &str) -> usize,
+) -> Result<Term, DescriptionError> {
     let mut all = |parts: &[Formula]| {
         let mut found = Vec::with_capacity(parts.len());
         for part in parts {
-            found.push(planted(part, name, functions, follow)?);
+            found.push(numbered(part, name, functions, follow)?);
         }
-        Ok::<Vec<Tree>, DescriptionError>(found)
+        Ok::<Vec<Term>, DescriptionError>(found)
     };
     Ok(match formula {
-        Formula::Number(x) => Tree::Number(*x),
-        Formula::Time => Tree::Time,
-        Formula::Call(i) if *i < functions => Tree::Call(*i),
+        Formula::Number(x) => Term::Number(*x),
+        Formula::Time => Term::Time,
+        Formula::Call(i) if *i < functions => Term::Call(*i),
         Formula::Call(i) => return Err(DescriptionError::new("event", name, format!("there is no function {i}"))),
-        Formula::Sum(parts) => Tree::Sum(all(parts)?),
-        Formula::Product(parts) => Tree::Product(all(parts)?),
-        Formula::Position(measure) => Tree::Position(follow(measure, name)?),
-        Formula::Velocity(measure) => Tree::Velocity(follow(measure, name)?),
+        Formula::Sum(parts) => Term::Sum(all(parts)?),
+        Formula::Product(parts) => Term::Product(all(parts)?),
+        Formula::Position(measure) => Term::Position(follow(measure, name)),
+        Formula::Velocity(measure) => Term::Velocity(follow(measure, name)),
         Formula::Quotient(parts) => {
             let [a, b] = &**parts;
-            Tree::Quotient(Box::new([planted(a, name, functions, follow)?, planted(b, name, functions, follow)?]))
+            Term::Quotient(Box::new([numbered(a, name, functions, follow)?, numbered(b, name, functions, follow)?]))
         }
-        Formula::Norm(part) => Tree::Norm(Box::new(planted(part, name, functions, follow)?)),
+        Formula::Norm(part) => Term::Norm(Box::new(numbered(part, name, functions, follow)?)),
     })
 }
 
-impl EventFunctions for MechanismFunctions {
+impl<S: ConstrainedSystem + Send + Sync> EventFunctions for Formulas<S> {
     fn read(&mut self, at: &MotionState, out: &mut [Reading]) -> Result<(), SystemError> {
         self.start.get_or_insert(at.t);
-        self.measure(at);
-        let (trees, names) = (std::mem::take(&mut self.trees), std::mem::take(&mut self.names));
+        self.measures.read(at, &mut self.courses);
+        let (terms, names) = (std::mem::take(&mut self.terms), std::mem::take(&mut self.names));
         let mut read = || {
-            for ((out, tree), name) in out.iter_mut().zip(&trees).zip(&names) {
-                let [x, rate, _] = self.course(tree, name, at)?;
+            for ((out, term), name) in out.iter_mut().zip(&terms).zip(&names) {
+                let [x, rate, _] = self.course(term, name, at)?;
                 if !x.is_finite() {
                     return Err(SystemError::NotFinite { what: format!("event \"{name}\""), t: at.t });
                 }
@@ -250,13 +358,10 @@ impl EventFunctions for MechanismFunctions {
             Ok(())
         };
         let done = read();
-        (self.trees, self.names) = (trees, names);
+        (self.terms, self.names) = (terms, names);
         done
     }
     fn accept(&mut self, t: f64) {
-        for x in &mut self.followed {
-            x.last = x.read.iter().rev().find(|read| read.0 == t).copied().or(x.last);
-            x.read.clear();
-        }
+        self.measures.accept(t);
     }
 }

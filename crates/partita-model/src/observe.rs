@@ -5,7 +5,8 @@ use crate::evaluator::Engine;
 use crate::joint::{self, Motion};
 use crate::measurement::{Maker, Measurement};
 use crate::model::{Model, ModelScratch};
-use partita_math::spatial::{Mat3, Quaternion, Spatial, Vec3};
+use crate::tree::{Tree, TreeScratch};
+use partita_math::spatial::{Mat3, Quaternion, Space, Spatial, Vec3};
 
 /// One body at one instant, world axes.
 #[derive(Clone, Copy, Debug)]
@@ -33,15 +34,15 @@ pub struct JointState {
 
 /// A degree of freedom of a joint, in the tree or not: its measurement, and the velocities that change it.
 #[derive(Clone, Debug)]
-pub struct DegreeOfFreedom {
-    reading: Measurement<Spatial<f64>>,
+pub struct DegreeOfFreedom<G: Space<S = f64> = Spatial<f64>> {
+    reading: Measurement<G>,
     velocities: Vec<usize>,
     /// Memory for its row.
     row: Vec<f64>,
 }
 
-impl DegreeOfFreedom {
-    pub(crate) fn new(mut reading: Measurement<Spatial<f64>>, model: &Model) -> Self {
+impl<G: Space<S = f64>> DegreeOfFreedom<G> {
+    pub(crate) fn new(mut reading: Measurement<G>, model: &Model) -> Self {
         let mut velocities = Vec::new();
         for m in &mut reading.movers {
             let link = &model.own.placed.links[m.link];
@@ -52,7 +53,7 @@ impl DegreeOfFreedom {
         Self { reading, velocities, row }
     }
 
-    /// Whether it is read from poses and twists, which [`look`](crate::evaluator::Evaluator::look) finds.
+    /// Whether it is read from poses and twists.
     pub(crate) fn needs_look(&self) -> bool {
         self.reading.velocity().is_none()
     }
@@ -62,12 +63,22 @@ impl DegreeOfFreedom {
         self.reading.wraps
     }
 
-    /// Its value and its rate at (q, v).
-    pub(crate) fn value_and_rate(&self, model: &Model, (q, v): (&[f64], &[f64]), s: &ModelScratch) -> [f64; 2] {
-        let read = self.reading.read(&model.own.full, &s.evaluated().full, q, v);
-        [read.value, read.rate]
+    /// Its value, rate and acceleration at (q, v, v') and the last poses and twists: C v' + b, C and b of its reading.
+    pub(crate) fn course(
+        &mut self,
+        tree: &Tree<G>,
+        s: &TreeScratch<G>,
+        (q, v, vdot): (&[f64], &[f64], &[f64]),
+    ) -> [f64; 3] {
+        let read = self.reading.read(tree, s, q, v);
+        self.row.fill(0.0);
+        self.reading.columns(1.0, tree, s, &mut self.row);
+        let turned: f64 = self.row.iter().zip(&self.velocities).map(|(c, &v)| c * vdot[v]).sum();
+        [read.value, read.rate, turned + self.reading.bias(tree, s)]
     }
+}
 
+impl DegreeOfFreedom {
     /// Its acceleration for v' after [`look`](crate::evaluator::Evaluator::look): `C v' + b`, C and b of its reading.
     pub fn acceleration(&mut self, model: &Model, vdot: &[f64], s: &ModelScratch) -> f64 {
         self.row.fill(0.0);

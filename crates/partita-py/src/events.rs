@@ -3,9 +3,11 @@
 use crate::failure::{self, unexpected};
 use crate::functions::Callables;
 use partita_integrate::simulate::Observe;
-use partita_model::event_functions::{Formula, MechanismFunctions};
+use partita_model::error::DescriptionError;
+use partita_model::event_functions::{Formula, Formulas};
 use partita_model::Model;
 use partita_system::event::{Direction, Event};
+use partita_system::ConstrainedSystem;
 use pyo3::prelude::*;
 use serde::Deserialize;
 use std::sync::Arc;
@@ -28,17 +30,16 @@ struct Written {
 }
 
 /// Events that were read.
-pub struct EventsOfModel {
-    model: Arc<Model>,
+pub struct Events {
     events: Vec<Event>,
     formulas: Vec<(String, Formula)>,
     functions: Arc<Callables>,
     most: usize,
 }
 
-impl EventsOfModel {
-    /// Read the events of a mechanism.
-    pub fn new(model: Arc<Model>, (text, functions, most): EventList) -> PyResult<Self> {
+impl Events {
+    /// As the Python package writes them.
+    pub fn new((text, functions, most): EventList) -> PyResult<Self> {
         let written: Vec<Written> = serde_json::from_str(&text).map_err(|e| unexpected(format!("events: {e}")))?;
         let event = |x: &Written| Event {
             name: x.name.clone(),
@@ -52,17 +53,31 @@ impl EventsOfModel {
         };
         let events = written.iter().map(event).collect();
         let formulas = written.into_iter().map(|x| (x.name, x.formula)).collect();
-        Ok(Self { model, events, formulas, functions: Arc::new(Callables::new(functions)), most })
+        Ok(Self { events, formulas, functions: Arc::new(Callables::new(functions)), most })
     }
 
-    /// What finds them, from a start on.
-    pub fn observe(&self) -> Result<Observe, partita_model::error::DescriptionError> {
-        let functions = MechanismFunctions::new(self.model.clone(), &self.formulas, self.functions.clone())?;
+    /// What finds them along a motion of a mechanism, from its start on.
+    pub fn of_mechanism(&self, model: Arc<Model>) -> Result<Observe, DescriptionError> {
+        let functions = Formulas::of_mechanism(model, &self.formulas, self.functions.clone())?;
+        Ok(Observe { events: self.events.clone(), functions: Box::new(functions), most: self.most })
+    }
+
+    /// The same for a system given by matrices.
+    pub fn of_system<S: ConstrainedSystem + Send + Sync + 'static>(
+        &self,
+        system: Arc<S>,
+    ) -> Result<Observe, DescriptionError> {
+        let functions = Formulas::of_system(system, &self.formulas, self.functions.clone())?;
         Ok(Observe { events: self.events.clone(), functions: Box::new(functions), most: self.most })
     }
 }
 
-/// What finds these events of a mechanism.
-pub fn of_mechanism(py: Python<'_>, model: Arc<Model>, events: EventList) -> PyResult<Observe> {
-    EventsOfModel::new(model, events)?.observe().map_err(|e| failure::description(py, &e))
+/// What finds these events, by one of the methods of [`Events`].
+pub fn observing(
+    py: Python<'_>,
+    events: Option<EventList>,
+    make: impl FnOnce(&Events) -> Result<Observe, DescriptionError>,
+) -> PyResult<Option<Observe>> {
+    let Some(events) = events else { return Ok(None) };
+    make(&Events::new(events)?).map(Some).map_err(|e| failure::description(py, &e))
 }

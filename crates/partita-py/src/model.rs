@@ -3,8 +3,8 @@
 mod analyses;
 mod rest;
 
-use crate::events::{self, EventList};
 use crate::arrays::{array, vector};
+use crate::events::{observing, EventList};
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::motion::{with_motion, Motion};
@@ -377,10 +377,14 @@ impl Model {
         guarded(py, || {
             let options = options.get().keeping(step_bytes);
             let (q, v) = self.state(&q, &v)?;
-            let events = events.map(|events| events::of_mechanism(py, self.inner.clone(), events)).transpose()?;
+            let events = observing(py, events, |events| events.of_mechanism(self.inner.clone()))?;
             let (system, calls) = (self.inner.clone(), self.inner.equations().calls_functions());
             let tangent = run::tangent(self.nv(), tangent);
-            with_motion(py, &self.inner, run::run(py, system, &options, &t_eval, (&q, &v), tangent, events, progress, calls)?)
+            with_motion(
+                py,
+                &self.inner,
+                run::run(py, system, &options, &t_eval, (&q, &v), tangent, events, progress, calls)?,
+            )
         })
     }
 

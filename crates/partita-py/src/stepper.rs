@@ -2,7 +2,7 @@
 
 use crate::arrays::vector;
 use crate::ending::released;
-use crate::events::{EventList, EventsOfModel};
+use crate::events::{EventList, Events};
 use crate::failure::{self, guarded, raise};
 use crate::functions::{Held, Kind};
 use crate::motion::with_motion;
@@ -134,8 +134,8 @@ impl Stepper {
         let motion = released(py, || Stepping::new(model.clone().into(), &request, ticks, (t, &q, &v), keeps));
         let mut motion = motion.map_err(|e| failure::analysis(py, e))?;
         if let Some(events) = events {
-            let events = EventsOfModel::new(model.clone(), events)?;
-            let observing = Box::new(move || Ok(events.observe()?));
+            let (events, model) = (Events::new(events)?, model.clone());
+            let observing = Box::new(move || Ok(events.of_mechanism(model.clone())?));
             motion.observe(observing).map_err(|e| failure::analysis(py, e))?;
         }
         let mut standing = Standing::default();

@@ -2,6 +2,7 @@
 
 use crate::arrays::{any_vector, array, entries_of, rows_of, vector};
 use crate::calls;
+use crate::events::{observing, EventList};
 use crate::failure::{self, guarded, raise};
 use crate::run::{self, ClosedStates, Options};
 use crate::state::{self, Array};
@@ -304,7 +305,7 @@ impl System {
         })
     }
 
-    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None, step_bytes=0))]
+    #[pyo3(signature = (options, t_eval, q, v, progress, tangent=None, step_bytes=0, events=None))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -315,13 +316,15 @@ impl System {
         progress: Option<Py<PyAny>>,
         tangent: Option<TangentFunctions>,
         step_bytes: usize,
+        events: Option<EventList>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let options = options.get().keeping(step_bytes);
             let (q, v) = (vector(&q, self.f.n, "q")?, vector(&v, self.f.n, "v")?);
             let system = Arc::new(self.measured(py, options.t0, &q)?);
             let tangent = run::tangent(self.f.n, tangent);
-            run::run(py, system, &options, &t_eval, (&q, &v), tangent, None, progress, true)
+            let events = observing(py, events, |events| events.of_system(system.clone()))?;
+            run::run(py, system, &options, &t_eval, (&q, &v), tangent, events, progress, true)
         })
     }
 

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from .events import Event
 from .facade import Mechanism
 from .files import load
 
-__all__ = ["Event", "Mechanism", "load"]
+__all__ = ["Mechanism", "load"]

@@ -21,8 +21,8 @@ from ..solver import Solver
 from ..state import Layout, State
 from ..units import Quantity
 from .branches import on_branch
-from .goals import Goal, asked, goals_of, inputs_of, named, state_units, units_of
 from .events import observed
+from .goals import Goal, asked, goals_of, inputs_of, named, state_units, units_of
 from .models import Modelled, compile, layout_of
 
 
@@ -457,8 +457,8 @@ def simulate(
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
     watched = observed(self, model, layout, events)
-    core_events = None if watched is None else watched.core
-    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver, core_events)
+    followed = None if watched is None else watched.core
+    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver, followed)
     if notes := (*self._remarks(), *model._sentences):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     found = Result.from_run(

@@ -12,14 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError
+from ..events import Observed
 from ..naming import index_of
 from ..numeric import floats, real, shown
 from ..results import Result
+from ..results.events import Events, events_of, written
 from ..sensing import Reader, StateSignals, at_once, plain
 from ..state import Layout, State
 from ..tolerance import ATOL, RTOL
 from ..units import Quantity
 from ..viewer.live import LiveView, Poses
+from .events import observed
 from .inputs import Courses, Input, chosen, inputs_of
 from .models import Modelled, layout_of
 from .solve import start_of
@@ -63,8 +66,10 @@ class Stepper:
         dt: float,
         substeps: int,
         record: bool,
+        events: Observed | None,
     ) -> None:
         self._model, self._layout, self._options = model, layout, options
+        self._watched = events
         self._dt, self._record = dt, record
         self._inputs, self._courses = tuple(inputs), Courses(inputs, model)
         self._numbers, self._held = self._courses.first(self._signals(start))
@@ -78,6 +83,7 @@ class Stepper:
             start.q,
             start.v,
             record,
+            None if events is None else events.core,
         )
         self._start = start
         self._given: list[list[float]] = []
@@ -117,6 +123,15 @@ class Stepper:
     def v(self) -> Array:
         """Velocities (nv,)."""
         return self.state.v
+
+    @property
+    def events(self) -> Events:
+        """What happened within the last step, in the order of time: `sim.events[0].t`, `sim.events["top"]`.
+
+        The step ends at its own time whatever happens within it; `result().events` are those of all steps."""
+        if self._watched is None:
+            return events_of({}, self._layout)
+        return events_of(written(self._watched.names, self._core.occurred()), self._layout)
 
     def joint(self, name: Any) -> JointMotion:
         """Position and velocity of a joint of the tree or of a loop; `UnknownNameError` suggests the nearest names."""
@@ -250,7 +265,13 @@ class Stepper:
         raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
         options = {**self._options, "t0": t0, "t_end": self.time, "coordinates": model.coordinates}
         return Result.from_run(
-            raw, model=core, summary=model.summary, spec=core.description, options=options, sensors=model.sensors
+            raw,
+            model=core,
+            summary=model.summary,
+            spec=core.description,
+            options=options,
+            sensors=model.sensors,
+            events=() if self._watched is None else self._watched.names,
         )
 
     def _wanted(self, u: Any) -> Array:
@@ -309,6 +330,7 @@ def stepper(
     parameters: Mapping[str, ArrayLike] | None = None,
     record: bool = True,
     compiled: bool | str = "auto",
+    events: Iterable[Any] | None = None,
 ) -> Stepper:
     """Advance a motion step by step, for control loops: `sim.step(u)`.
 
@@ -329,6 +351,8 @@ def stepper(
         compiled: whether evaluations run as machine code, with the same bits, see `simulate`. "auto": after 1500
             evaluations with the same coordinates a thread of its own makes the code, so that no step waits for it;
             True: before the first one, in the step that needs it; False: never.
+        events: as in `simulate`, none of them terminal, since a step ends at its own time; `sim.events` are those of
+            the last step.
 
     Raises:
         ArgumentError: a number is out of range, the state belongs to another model, or the mechanism is a structure.
@@ -367,4 +391,11 @@ def stepper(
         compiled=compiled,
     )
     given = chosen(inputs_of(self._description), inputs)
-    return Stepper(model, layout, start, given, options, length, int(substeps), bool(record))
+    watched = observed(self, model, layout, events)
+    if watched is not None and watched.ends is not None:
+        raise ArgumentError(
+            f'event "{watched.ends}" is terminal, but a stepper goes on for as long as it is stepped; look at '
+            "sim.events after each step",
+            argument="events",
+        )
+    return Stepper(model, layout, start, given, options, length, int(substeps), bool(record), watched)

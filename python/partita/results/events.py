@@ -107,7 +107,5 @@ def events_of(data: Mapping[str, Any], layout: Layout) -> Events:
     for item in data.get("records", ()):
         q, v = np.array(item["q"], dtype=float), np.array(item["v"], dtype=float)
         state = State.computed(float(item["t"]), q, v, layout)
-        records.append(
-            EventRecord(state.t, str(item["name"]), str(item["kind"]), int(item["direction"]), state, state)
-        )
+        records.append(EventRecord(state.t, str(item["name"]), str(item["kind"]), int(item["direction"]), state, state))
     return Events([str(name) for name in data.get("names", ())], records)

@@ -16,6 +16,7 @@ from ..notebook import names, table
 from ..numeric import floats, is_list, shown
 from ..state import Layout, State, finite_time
 from ..webpage import Page, opened
+from .events import Events, events_of
 from .names import missing_attribute
 from .partition_log import switches_of
 from .run import FloatArray, Run
@@ -68,6 +69,11 @@ class Result(Run):
             if name.startswith("_"):
                 raise AttributeError(name)
             raise missing_attribute("a result", type(self), name, ELSEWHERE, "dir(run) lists what it has")
+
+    @cached_property
+    def events(self) -> Events:
+        """Events that happened, in the order of time: `run.events[0].t`, `run.events["top"]`. See `pt.Event`."""
+        return events_of(self._record.events, self._layout)
 
     @overload
     def state(self, t: float | None = None) -> State: ...

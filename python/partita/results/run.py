@@ -18,7 +18,7 @@ from ..sensing import SensorRecord
 from .certificate import Certificate, certify
 from .coupling import CouplingResult, DriveResult
 from .energy import EnergyResult
-from .events import Events, events_of, written
+from .events import written
 from .force import ForceResult
 from .joint import JointResult
 from .motion import Motion
@@ -91,9 +91,9 @@ class Run(Motion):
     ) -> R:
         """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
 
-        `sensors` are those of the description, `events` the names of those that were looked for. `spec` is the description compiled, as JSON; None for a
-        hand-written `System`, which has no bodies and joints. Raises `Interrupted`, with the result, for a run that
-        Ctrl-C ended.
+        `sensors` are those of the description, `events` the names of those that were looked for. `spec` is the
+        description compiled, as JSON; None for a hand-written `System`, which has no bodies and joints. Raises
+        `Interrupted`, with the result, for a run that Ctrl-C ended.
         """
         account = account_of(sensors, summary) if sensors else []
         if account:
@@ -125,7 +125,7 @@ class Run(Motion):
 
     @property
     def status(self) -> str:
-        """How the run ended, in a word: "finished", "event" (at an event that ends it, which is a success), "invalid" (it
+        """How the run ended, in a word: "finished", "event" (at one that ends it, which is a success), "invalid" (it
         reached its end, but its result is wrong), ..."""
         return self._record.status
 
@@ -227,11 +227,6 @@ class Run(Motion):
         those in use at the outputs however many there are; `counters["switches"]` counts all, and
         `counters["unlisted_switches"]` those left out."""
         return partition_changes(self._record.partitions, self.names.velocities)
-
-    @cached_property
-    def events(self) -> Events:
-        """Events that happened, in the order of time: `run.events[0].t`, `run.events["top"]`. See `pt.Event`."""
-        return events_of(self._record.events, self._layout)
 
     @property
     def notes(self) -> tuple[str, ...]:

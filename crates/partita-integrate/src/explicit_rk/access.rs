@@ -78,7 +78,7 @@ impl StepControl for ExplicitRungeKutta {
         self.stages.copy_within(end..end + n, 0);
         self.t_old = self.t_new;
         self.phase = Phase::Ready;
-        self.goal = None;
+        (self.goal, self.before_grid) = (None, None);
         self.counters.steps += 1;
         self.counters.by_rounding += u64::from(self.by_rounding);
         self.rounding.taken(self.by_rounding);
@@ -111,7 +111,10 @@ impl StepControl for ExplicitRungeKutta {
     fn end_at(&mut self, t: f64) {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         self.step = self.step.max(self.attempted_h.abs());
-        self.goal = Some(t);
+        match self.grid {
+            Some(_) => self.before_grid = Some(t),
+            None => self.goal = Some(t),
+        }
         self.corner_ahead = false;
         self.throw_away();
     }

@@ -85,10 +85,15 @@ impl EventWatch {
         at.map(|x| x.event).find(|e| self.events[*e].last == Some(self.count[*e])).map(|e| &*self.events[e].name)
     }
 
+    /// How exactly times near t are located.
+    fn resolution(&self, t: f64) -> f64 {
+        tolerance::SUM_ROUNDING * t.abs() + tolerance::LONG_ROUNDING * self.longest
+    }
+
     /// A reading of event e that is zero as far as it, motions and times are known.
     fn small(&self, e: usize, track: &Track, at: &Sample) -> f64 {
-        let time = tolerance::SUM_ROUNDING * at.t.abs() + tolerance::LONG_ROUNDING * self.longest;
-        tolerance::SUM_ROUNDING * self.size[e] + time * at.readings[track.count() + e].rate.abs()
+        let rate = at.readings[track.count() + e].rate.abs();
+        tolerance::SUM_ROUNDING * self.size[e] + self.resolution(at.t) * rate
     }
 
     /// Its side before and after an instant.
@@ -125,14 +130,15 @@ impl EventWatch {
 
     /// In the order of time, and at one instant in that of definition; those that do not count are left out.
     fn put_in_order(&mut self) {
-        let Self { zeros, events, count, .. } = self;
-        zeros.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.event.cmp(&b.event)));
-        for i in 1..zeros.len() {
-            // times as close as this are one instant
-            if zeros[i].t - zeros[i - 1].t <= tolerance::SUM_ROUNDING * zeros[i].t.abs() {
-                zeros[i].t = zeros[i - 1].t;
+        self.zeros.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.event.cmp(&b.event)));
+        for i in 1..self.zeros.len() {
+            // those of different functions that are as close as they are located are one instant
+            let [before, zero] = [self.zeros[i - 1], self.zeros[i]];
+            if zero.event != before.event && zero.t - before.t <= 2.0 * self.resolution(zero.t) {
+                self.zeros[i].t = before.t;
             }
         }
+        let Self { zeros, events, count, .. } = self;
         zeros.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.event.cmp(&b.event)));
         let mut seen = count.clone();
         zeros.retain(|zero| {

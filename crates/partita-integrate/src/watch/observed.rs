@@ -38,13 +38,7 @@ impl Observed {
     }
 
     /// At the closed point last evaluated.
-    pub(crate) fn read_here(
-        &mut self,
-        t: f64,
-        formulation: &mut dyn Formulation,
-        turned: &[i32],
-        out: &mut [Reading],
-    ) {
+    pub(crate) fn read_here(&mut self, t: f64, formulation: &mut dyn Formulation, turned: &[i32], out: &mut [Reading]) {
         formulation.point().state(&mut self.state);
         self.read(t, turned, out);
     }

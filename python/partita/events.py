@@ -1,0 +1,200 @@
+"""Events of a run: zeros of what is followed, found while it runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import ArgumentError, EvaluationError
+from .limits import limit
+from .numeric import floats, is_list, real, shown
+from .options import count, one_of, yes_or_no
+from .state import Layout, StateView
+
+Array = NDArray[np.float64]
+Formula = dict[str, Any]
+Function = Callable[[float, Array, Array], float]
+"""Of t, q, v."""
+RATES = ("position", "velocity")
+DIRECTIONS = (0, 1, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """An event of `simulate(events=...)` or `stepper(events=...)`: something passes a value.
+
+    It is found wherever in a step it lies, also where it happens twice within one step, and located to rounding: the
+    state there is closed like an output. A run is the same to the bit whether it is observed or not; one that ends with
+    an event has its last step end there. Where a run starts exactly on the value there is no event, at its end there
+    is. Events at one instant come in the order in which they were given.
+
+    Measures (a joint, `pt.Coordinate`, `pt.Distance`, `pt.Along`, `pt.Cosine`), sensors of them, and sums, products and
+    quotients of these are followed in the core, with their rates, at hardly any cost. Other sensors and functions are
+    evaluated in Python, twice at every step; a function that is not smooth is found to have a zero where it has
+    different signs at both ends of a step.
+
+    Args:
+        name: of its records in `run.events`.
+        of: what is followed: a joint or its name (its first coordinate), another measure, a sensor or its name, an
+            expression of sensors, or a function f(t, state) of the time and a state, which reads
+            `state.position(joint)`, `state.velocity(joint)`, `state.sensor(name)`.
+        value: the event is where it passes this value [the unit of what is followed].
+        reads: "position" or "velocity" of a joint or a measure.
+        direction: 1: only where it rises through the value, -1: only where it falls, 0: both.
+        terminal: True: the run ends there; a number n: at the n-th time. Such a run is a success with the status
+            "event", and the event is its last output.
+        once: only the first time is reported.
+
+    Raises:
+        ArgumentError: an argument is not as said.
+
+    >>> import math
+    >>> import partita as pt
+    >>> m = pt.catalogue.load("four-bar")
+    >>> upright = pt.Event("upright", "A", value=math.pi / 2, direction=1)
+    >>> run = m.simulate(2.0, events=[upright, pt.Event("turns back", "C", reads="velocity")])
+    >>> [(record.name, round(record.t, 6)) for record in run.events][:2]      # doctest: +SKIP
+    """
+
+    name: str
+    of: Any
+    value: float = 0.0
+    reads: str = "position"
+    direction: int = 0
+    terminal: bool | int = False
+    once: bool = False
+
+    def __post_init__(self) -> None:
+        name = self.name
+        if not isinstance(name, str) or not name.strip() or name != name.strip() or not name.isprintable():
+            raise ArgumentError(f"the name of an event is printable text, not {shown(name)}", argument="name")
+        try:
+            number = real(self.value)
+        except TypeError as error:
+            self._refuse("value", f"is {shown(self.value)}; it must be a number", error)
+        if not np.isfinite(number):
+            self._refuse("value", f"is {number}; it must be finite")
+        one_of("reads", self.reads, RATES)
+        if isinstance(self.direction, bool) or self.direction not in DIRECTIONS:
+            self._refuse("direction", f"is {shown(self.direction)}; give 1 (rising), -1 (falling) or 0 (both)")
+        if not isinstance(self.terminal, bool | np.bool_):
+            count(self.terminal, f'event "{name}": terminal')
+        yes_or_no(f'event "{name}": once', self.once)
+
+    def _refuse(self, argument: str, sentence: str, cause: Exception | None = None) -> None:
+        raise ArgumentError(f'event "{self.name}": {argument} {sentence}', argument=argument) from cause
+
+    @property
+    def last(self) -> int | None:
+        """Which of its occurrences ends a run, counted from 1."""
+        return int(self.terminal) or None
+
+
+@dataclass(frozen=True)
+class Observed:
+    """The events of a run, checked: as the core takes them."""
+
+    names: tuple[str, ...]
+    ends: str | None
+    """The first one that is terminal."""
+    text: str
+    functions: list[Function]
+
+    @property
+    def core(self) -> tuple[str, list[Function], int]:
+        """Events as text, the functions that they call, and how often they may occur."""
+        return self.text, self.functions, limit("events")
+
+
+def listed(events: Iterable[Any] | None) -> list[Event]:
+    """Events as given by the user, checked."""
+    if events is None:
+        return []
+    if isinstance(events, Event) or callable(events) or not is_list(events):
+        raise ArgumentError(f"events must be a list of pt.Event, not {shown(events)}", argument="events")
+    found = [_event(event, i) for i, event in enumerate(events)]
+    names = [event.name for event in found]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise ArgumentError(f'events: two events are called "{name}"', argument="events")
+    return found
+
+
+def _event(given: Any, i: int) -> Event:
+    if isinstance(given, Event):
+        return given
+    if callable(given) and not isinstance(given, type):
+        # as SciPy has them
+        name = str(getattr(given, "__name__", f"event {i}"))
+        direction = getattr(given, "direction", 0)
+        sign = int(np.sign(direction)) if isinstance(direction, int | float) else direction
+        return Event(name, given, direction=sign, terminal=getattr(given, "terminal", False))
+    raise ArgumentError(
+        f"events must be made of pt.Event or functions f(t, state), not {shown(given)}", argument="events"
+    )
+
+
+def observed(found: list[Event], formula: Callable[[Event], Formula], functions: list[Function]) -> Observed | None:
+    """Events by the formulas of what is zero at them, and the functions that these call; None where there are none."""
+    if not found:
+        return None
+    written = [
+        {
+            "name": event.name,
+            "formula": passing(event, formula(event)),
+            "direction": int(event.direction),
+            "last": event.last,
+            "most": 1 if event.once else None,
+        }
+        for event in found
+    ]
+    ends = next((event.name for event in found if event.last is not None), None)
+    return Observed(tuple(event.name for event in found), ends, json.dumps(written), functions)
+
+
+def passing(event: Event, followed: Formula) -> Formula:
+    """What is zero where what is followed passes the value of an event."""
+    return followed if event.value == 0.0 else {"sum": [followed, {"number": -float(event.value)}]}
+
+
+def called(name: str, function: Callable[[float, Array, Array], Any]) -> Function:
+    """A function of an event whose result is checked."""
+
+    def value(t: float, q: Array, v: Array) -> float:
+        given = function(t, q, v)
+        try:
+            found = floats(given)
+        except TypeError:
+            found = np.empty(0)
+        if found.size != 1:
+            raise EvaluationError(
+                f'event "{name}" at t = {t:g} s: its function must return a number, not {shown(given)}',
+                t=t,
+                where=name,
+            )
+        return float(found.reshape(()))
+
+    return value
+
+
+def of_functions(events: Iterable[Any] | None, layout: Layout) -> Observed | None:
+    """Events of functions f(t, state) alone, for a system that has no joints and no sensors."""
+    functions: list[Function] = []
+
+    def formula(event: Event) -> Formula:
+        function = event.of
+        if not callable(function):
+            raise ArgumentError(
+                f'event "{event.name}": a System has no joints and no sensors; give a function f(t, state), not '
+                f"{shown(function)}",
+                argument="events",
+            )
+        functions.append(called(event.name, lambda t, q, v: function(t, StateView(t, q, v, layout))))
+        return {"call": len(functions) - 1}
+
+    return observed(listed(events), formula, functions)
