@@ -14,14 +14,13 @@ use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options, OptionsError};
-use crate::simulate::Observe;
 use crate::step_log::StepLog;
 use crate::stepper::{Conclusion, StepControl, StepPlan, Stepper};
 use crate::watch::{find_singular_times, EventWatch, Lengths, Located, Look, Observed, StepView, Track};
 use crate::watch::{Watch as _, Watches};
 use partita_math::tolerance;
 use partita_system::error::CrossingOutcome;
-use partita_system::event::Occurrence;
+use partita_system::event::{Event, EventFunctions, Occurrence};
 use partita_system::formulation::{Course, Depth, Findings, Formulation, Pace, Repeated};
 use partita_system::formulation::{Step, StepDecision, TrialEnd};
 use partita_system::record::Output;
@@ -66,6 +65,17 @@ impl Status {
             Self::EvaluationFailed => "evaluation-failed",
         }
     }
+}
+
+/// Events to be found.
+#[derive(Debug)]
+pub struct Observe {
+    /// Them.
+    pub events: Vec<Event>,
+    /// Their functions.
+    pub functions: Box<dyn EventFunctions>,
+    /// How often they may occur, all together.
+    pub most: usize,
 }
 
 /// How steps are taken.

@@ -3,12 +3,13 @@
 use crate::adapter::is_of_a_position;
 use crate::counters::Counters;
 use crate::failure::StepFailure;
+pub use crate::march::Observe;
 pub use crate::march::Status;
 use crate::march::{Control, March, Outputs};
 use crate::method::Method;
 use crate::options::Options;
 use crate::step_log::StepLog;
-use partita_system::event::{Event, EventFunctions, Occurrence};
+use partita_system::event::Occurrence;
 use partita_system::formulation::Formulation;
 use partita_system::record::{Crossings, Output};
 use partita_system::SystemError;
@@ -62,23 +63,12 @@ pub fn simulate(
     sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Outcome, SystemError> {
-    simulate_kept(formulation, (t, q, v), t_eval, settings, &mut Kept::default(), sink, watch)
+    simulate_recorded(formulation, (t, q, v), t_eval, settings, &mut Recorded::default(), sink, watch)
 }
 
-/// Events to be found.
-#[derive(Debug)]
-pub struct Observe {
-    /// Them.
-    pub events: Vec<Event>,
-    /// Their functions.
-    pub functions: Box<dyn EventFunctions>,
-    /// How often they may occur, all together.
-    pub most: usize,
-}
-
-/// What a run keeps besides its outputs.
+/// What is recorded of a run besides its outputs.
 #[derive(Debug, Default)]
-pub struct Kept {
+pub struct Recorded {
     /// Its steps.
     pub steps: StepLog,
     /// The events to be found.
@@ -87,23 +77,23 @@ pub struct Kept {
     pub occurrences: Vec<Occurrence>,
 }
 
-/// As [`simulate`], with what `kept` is to receive.
+/// As [`simulate`], with what `recorded` is to receive.
 ///
 /// # Errors
 /// See [`simulate`].
-pub fn simulate_kept(
+pub fn simulate_recorded(
     formulation: &mut dyn Formulation,
     (t, q, v): (f64, &[f64], &[f64]),
     t_eval: &[f64],
     settings: &Settings,
-    kept: &mut Kept,
+    recorded: &mut Recorded,
     sink: &mut dyn FnMut(&Output) -> Result<(), SystemError>,
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Outcome, SystemError> {
     let control = Control::Free { max_steps: settings.max_steps };
     let mut march = March::new(formulation, q.len(), settings.method, settings.options.clone(), control)
         .map_err(|e| SystemError::argument("settings", format!("settings: {e}")))?;
-    if let Some(observe) = kept.observe.take() {
+    if let Some(observe) = recorded.observe.take() {
         march.observe(observe);
     }
     march.begin(formulation, t, (q, v), None)?;
@@ -127,12 +117,12 @@ pub fn simulate_kept(
             other => Err(SystemError::argument("initial", other.to_string())),
         };
     }
-    march.log_into(std::mem::take(&mut kept.steps));
+    march.log_into(std::mem::take(&mut recorded.steps));
     let ended = march.go_on(formulation, &mut outputs, watch);
-    kept.steps = march.take_log();
+    recorded.steps = march.take_log();
     let counters = march.counters();
     let t = march.time();
-    kept.steps.end_at(t);
+    recorded.steps.end_at(t);
     let (status, message, error) = match ended {
         Ok(Status::Event) => {
             (Status::Event, format!("ended by event \"{}\" at t = {t}", march.ending().unwrap_or_default()), None)
@@ -143,7 +133,7 @@ pub fn simulate_kept(
     // a last step across a position next to the end may have passed others after it
     let crossings = formulation.point().crossings().until(t);
     let notes = march.notes().collect();
-    kept.occurrences = march.take_occurrences();
+    recorded.occurrences = march.take_occurrences();
     Ok(Outcome { status, message, t, counters, crossings, notes, error })
 }
 

@@ -31,8 +31,8 @@ class EventRecord:
     """The state from which the motion goes on: the same where nothing acts on it."""
 
     def __repr__(self) -> str:
-        way = "rising" if self.direction > 0 else "falling"
-        return f"<event {self.name!r} at t = {self.t:.9g} s: {self.kind}, {way}>"
+        sense = "rising" if self.direction > 0 else "falling"
+        return f"<event {self.name!r} at t = {self.t:.9g} s: {self.kind}, {sense}>"
 
 
 class Events(Sequence[EventRecord]):

@@ -19,7 +19,7 @@ pub use stepping::Stepping;
 pub use verdict::{Finding, Limits};
 
 use crate::error::AnalysisError;
-use partita_integrate::simulate::{simulate_kept, Kept, Observe, Outcome, Status};
+use partita_integrate::simulate::{simulate_recorded, Observe, Outcome, Recorded, Status};
 use partita_integrate::step_log::StepLog;
 use partita_math::formatted;
 use partita_system::event::Occurrence;
@@ -192,14 +192,14 @@ fn integrated<S: Balance<Scratch: Send>>(
         Ok(())
     };
     let observes = observe.is_some();
-    let mut kept = Kept { steps: StepLog::within(request.step_bytes), observe, ..Kept::default() };
+    let mut recorded = Recorded { steps: StepLog::within(request.step_bytes), observe, ..Recorded::default() };
     let (from, times) = ((t, &q_start[..], &v_start[..]), &reached[done..]);
-    let mut outcome = match simulate_kept(&mut *f, from, times, &settings, &mut kept, &mut sink, watch) {
+    let mut outcome = match simulate_recorded(&mut *f, from, times, &settings, &mut recorded, &mut sink, watch) {
         Err(SystemError::Singular { .. }) if rigid => return Err(prepared::no_reactions()),
         Err(e) => return Err(prepared::explained(system, e.into())),
         Ok(outcome) => outcome,
     };
-    let Kept { steps, mut occurrences, .. } = kept;
+    let Recorded { steps, mut occurrences, .. } = recorded;
     occurrences.iter_mut().for_each(|x| x.state.work += work);
     if let Some(singular_start) = &singular_start {
         singular_start.report(&mut outcome, &mut notes);
