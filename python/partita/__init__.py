@@ -18,7 +18,7 @@ from . import errors, limits, partition, units
 from ._core import version as _version
 from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
-from .events import Event
+from .events import Event, Lock, Release, SetRates, Stop
 from .mechanism import Mechanism, load
 from .solver import Solver
 from .state import State
@@ -39,10 +39,14 @@ __all__ = [
     "Cosine",
     "Distance",
     "Event",
+    "Lock",
     "Mechanism",
+    "Release",
     "Result",
+    "SetRates",
     "Solver",
     "State",
+    "Stop",
     "System",
     "TangentVelocities",
     "__version__",

@@ -323,6 +323,22 @@ class Model:
     ) -> dict[str, Any]:
         """March from options.t0 to options.t_end; `progress` is called with the fraction done, 0 to 1."""
 
+    def simulate_segments(
+        self,
+        options: Options,
+        t_eval: Array,
+        q: Array,
+        v: Array,
+        progress: Callable[[float], None] | None,
+        step_bytes: int,
+        events: EventList,
+        acts: str,
+    ) -> dict[str, Any]:
+        """As `simulate`, where events act: `acts` says which drives hold, and what each event does (JSON)."""
+
+    def with_more_drives(self, drives: str) -> Model:
+        """The same mechanism in the same coordinates with more drives (JSON)."""
+
     def evaluation_costs(
         self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None
     ) -> list[float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,66 @@ Function = Callable[[float, Array, Array], float]
 """Of t, q, v."""
 RATES = ("position", "velocity")
 DIRECTIONS = (0, 1, -1)
+
+
+@dataclass(frozen=True)
+class Lock:
+    """An action of an event: a joint is held from there on, all its coordinates or one; plastic, without rebound.
+
+    What the lock carries is part of the reaction of the joint; the impulse stands in the record of the event.
+
+    >>> import partita as pt
+    >>> pt.Lock("A")
+    Lock(joint='A', coordinate=None)
+    """
+
+    joint: Any
+    coordinate: int | None = None
+
+
+@dataclass(frozen=True)
+class Release:
+    """An action of an event: a joint that a `Lock` holds, or `locked=` since the start, is free again.
+
+    >>> import partita as pt
+    >>> pt.Release("A")
+    Release(joint='A')
+    """
+
+    joint: Any
+
+
+@dataclass(frozen=True)
+class SetRates:
+    """An action of an event: joints get these rates at once, by the impulses along them that this takes. Everything else
+    follows with the least change in the mass metric: as if hit along those coordinates alone.
+
+    >>> import partita as pt
+    >>> pt.SetRates({"A": 2.0})
+    SetRates(rates={'A': 2.0})
+    """
+
+    rates: Mapping[Any, float]
+
+
+@dataclass(frozen=True)
+class Stop:
+    """An action of an event with a direction: what is followed never passes the value: a rigid stop.
+
+    Where it is hit, its rate is reversed and multiplied by the coefficient of `restitution` (Newton's law); at most
+    a bounce that lifts it by less than 1e-12 of its size is followed by rest. It stays closed as long as it presses.
+    Several stops that close at once are one problem of least change (Moreau), whose velocities are unique; the energy
+    never grows.
+
+    >>> import partita as pt
+    >>> pt.Event("floor", "z", value=0.0, direction=-1, then=pt.Stop(0.5)).then
+    (Stop(restitution=0.5),)
+    """
+
+    restitution: float = 0.0
+
+
+Action = Lock | Release | SetRates | Stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +108,8 @@ class Event:
         direction: 1: only where it rises through the value, -1: only where it falls, 0: both.
         terminal: True: the run ends there; a number n: at the n-th time. Such a run is a success with the status
             "event", and the event is its last output.
-        once: only the first time is reported.
+        once: only the first time is reported, and acts.
+        then: what is done there: `pt.Lock`, `pt.Release`, `pt.SetRates`, `pt.Stop`, or a list of these.
 
     Raises:
         ArgumentError: an argument is not as said.
@@ -68,6 +129,7 @@ class Event:
     direction: int = 0
     terminal: bool | int = False
     once: bool = False
+    then: Any = ()
 
     def __post_init__(self) -> None:
         name = self.name
@@ -85,6 +147,33 @@ class Event:
         if not isinstance(self.terminal, bool | np.bool_):
             count(self.terminal, f'event "{name}": terminal')
         yes_or_no(f'event "{name}": once', self.once)
+        given = (self.then,) if isinstance(self.then, Action) else self.then
+        actions = tuple(given) if is_list(given) else (given,)
+        for action in actions:
+            self._check(action)
+        object.__setattr__(self, "then", actions)
+
+    def _check(self, action: Any) -> None:
+        if not isinstance(action, Action):
+            self._refuse(
+                "then", f"is {shown(action)}; give pt.Lock, pt.Release, pt.SetRates, pt.Stop or a list of these"
+            )
+        if isinstance(action, Stop):
+            if self.direction == 0:
+                self._refuse(
+                    "direction", "is 0, but a stop has one side: 1 stops what rises to the value, -1 what falls"
+                )
+            if len([x for x in self.then if isinstance(x, Stop)] if is_list(self.then) else ()) > 1:
+                self._refuse("then", "has two stops; give one")
+            number = action.restitution
+            if isinstance(number, bool) or not isinstance(number, int | float) or not 0.0 <= number <= 1.0:
+                self._refuse("then", f"has a restitution of {shown(number)}; it lies between 0 and 1")
+        if isinstance(action, SetRates):
+            if not isinstance(action.rates, Mapping) or not action.rates:
+                self._refuse("then", f"sets the rates {shown(action.rates)}; give a dict of joints and numbers")
+            for joint, rate in action.rates.items():
+                if isinstance(rate, bool) or not isinstance(rate, int | float) or not np.isfinite(rate):
+                    self._refuse("then", f"sets the rate of {joint} to {shown(rate)}; it must be a finite number")
 
     def _refuse(self, argument: str, sentence: str, cause: Exception | None = None) -> None:
         raise ArgumentError(f'event "{self.name}": {argument} {sentence}', argument=argument) from cause
@@ -104,6 +193,8 @@ class Observed:
     """The first one that is terminal."""
     text: str
     functions: list[Function]
+    acts: str | None = None
+    """What the events do, as JSON; None where they only observe."""
 
     @property
     def core(self) -> tuple[str, list[Function], int]:

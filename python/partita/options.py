@@ -240,6 +240,29 @@ def run(
         return core.simulate(chosen.core, t_eval, q, v, report, own, limit("step_bytes"), events)
 
 
+def run_segments(
+    core: _core.Model,
+    chosen: Options,
+    t_eval: Array,
+    start: tuple[Array, Array],
+    progress: Any,
+    solver: Solver | None,
+    events: _core.EventList,
+    acts: str,
+) -> dict[str, Any]:
+    """As `run`, where events act."""
+    if checked_solver(solver).tangent is not None:
+        raise ArgumentError(
+            "events act with the coordinates of the mechanism, not with tangent velocities of the user",
+            argument="solver",
+        )
+    q, v = map(np.ascontiguousarray, start)
+    if progress is False:
+        return core.simulate_segments(chosen.core, t_eval, q, v, None, limit("step_bytes"), events, acts)
+    with reporting(progress, chosen["t_end"] - chosen["t0"], "s") as report:
+        return core.simulate_segments(chosen.core, t_eval, q, v, report, limit("step_bytes"), events, acts)
+
+
 def si(what: str, value: Any, unit: SI) -> Any:
     """`value` with its quantities in SI; `ArgumentError` for what has another dimension."""
     try:

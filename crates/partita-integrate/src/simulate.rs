@@ -47,6 +47,21 @@ pub struct Outcome {
     pub error: Option<SystemError>,
 }
 
+impl Outcome {
+    /// Of a run that did not begin.
+    pub fn nothing() -> Self {
+        Self {
+            status: Status::EvaluationFailed,
+            message: String::new(),
+            t: f64::NAN,
+            counters: Counters::default(),
+            crossings: Crossings::default(),
+            notes: Vec::new(),
+            error: None,
+        }
+    }
+}
+
 /// Integrate from `(t, q, v)` to the end; `sink` receives an output at each time of `t_eval`, `watch` is called after
 /// each step.
 ///

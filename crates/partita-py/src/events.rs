@@ -50,6 +50,7 @@ impl Events {
             },
             last: x.last,
             most: x.most.unwrap_or(u64::MAX),
+            side: None,
         };
         let events = written.iter().map(event).collect();
         let formulas = written.into_iter().map(|x| (x.name, x.formula)).collect();

@@ -18,6 +18,7 @@ mod partition;
 mod poses;
 mod program;
 mod run;
+mod segments;
 mod state;
 mod stepper;
 mod summary;

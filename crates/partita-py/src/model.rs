@@ -5,6 +5,7 @@ mod rest;
 
 use crate::arrays::{array, vector};
 use crate::events::{observing, EventList};
+use crate::segments;
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::motion::{with_motion, Motion};
@@ -169,6 +170,14 @@ impl Model {
                 self.inner.with_parameters(&changes)
             };
             let inner = inner.map_err(|e| failure::description(py, &e))?;
+            Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
+        })
+    }
+    /// The same mechanism in the same coordinates with more drives, as JSON.
+    fn with_more_drives(&self, py: Python<'_>, drives: &str) -> PyResult<Self> {
+        guarded(py, || {
+            let drives = serde_json::from_str(drives).map_err(|e| failure::unexpected(format!("drives: {e}")))?;
+            let inner = self.inner.with_more_drives(drives).map_err(|e| failure::description(py, &e))?;
             Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
     }
@@ -385,6 +394,28 @@ impl Model {
                 &self.inner,
                 run::run(py, system, &options, &t_eval, (&q, &v), tangent, events, progress, calls)?,
             )
+        })
+    }
+
+    /// As `simulate`, where events act: `acts` says which drives hold, and what each event does.
+    #[pyo3(signature = (options, t_eval, q, v, progress, step_bytes, events, acts))]
+    fn simulate_segments<'py>(
+        &self,
+        py: Python<'py>,
+        options: &Bound<'py, Options>,
+        t_eval: Vector<'py>,
+        q: Vector<'py>,
+        v: Vector<'py>,
+        progress: Option<Py<PyAny>>,
+        step_bytes: usize,
+        events: EventList,
+        acts: &str,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let options = options.get().keeping(step_bytes);
+            let (q, v) = self.state(&q, &v)?;
+            let found = segments::run(py, &self.inner, &options, &t_eval, (&q, &v), (events, acts), progress)?;
+            with_motion(py, &self.inner, found)
         })
     }
 

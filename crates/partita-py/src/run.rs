@@ -12,7 +12,7 @@ use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
-use partita_integrate::simulate::{Observe, Status};
+use partita_integrate::simulate::{Observe, Outcome, Status};
 use partita_integrate::step_log::StepLog;
 use partita_system::event::Occurrence;
 use partita_system::options::TangentMap;
@@ -66,17 +66,23 @@ pub fn tangent(n: usize, functions: Option<TangentFunctions>) -> Option<Arc<dyn 
 type Flat<'py> = Bound<'py, PyArray1<f64>>;
 
 /// Whether what was read could be evaluated.
-type Read = Result<(), AnalysisError>;
+pub type Read = Result<(), AnalysisError>;
 
 /// A run from which further quantities can be computed.
-trait Reported: Send + Sync {
+pub trait Reported: Send + Sync {
     fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>>;
     fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>>;
     fn work(&self) -> Vec<f64>;
     fn read(&self, take: &mut dyn FnMut(&SolutionLog, &mut StepReader) -> Read) -> Read;
-    fn steps(&self) -> Option<&StepLog>;
+    fn steps(&self) -> Vec<&StepLog>;
     fn size(&self) -> Size;
+    /// The part that contains a time.
+    fn at(&self, t: f64) -> &dyn Reported;
+    /// Whether it has several.
+    fn is_divided(&self) -> bool {
+        false
+    }
 }
 
 /// Findings as plain data: broken, t, sentence.
@@ -84,13 +90,20 @@ pub fn reported(findings: &[Finding]) -> Vec<(bool, f64, String)> {
     findings.iter().map(|x| (x.invalid, x.t, x.sentence.clone())).collect()
 }
 
-struct RunLog<S> {
-    system: Arc<S>,
-    log: SolutionLog,
+pub struct RunLog<S> {
+    pub system: Arc<S>,
+    pub log: SolutionLog,
     /// Without user functions outputs may be computed concurrently.
     shared: bool,
     /// What read the steps the last time.
     reader: Mutex<Option<StepReader<'static>>>,
+}
+
+impl<S> RunLog<S> {
+    /// Of a system whose functions, if it has some, need not be called one after the other.
+    pub fn new(system: Arc<S>, log: SolutionLog, shared: bool) -> Self {
+        Self { system, log, shared, reader: Mutex::new(None) }
+    }
 }
 
 impl<S: Balance + Send + Sync + 'static> Reported for RunLog<S> {
@@ -140,11 +153,14 @@ impl<S: Balance + Send + Sync + 'static> Reported for RunLog<S> {
         }
         read
     }
-    fn steps(&self) -> Option<&StepLog> {
-        self.log.steps.as_ref().map(|steps| &steps.0)
+    fn steps(&self) -> Vec<&StepLog> {
+        self.log.steps.iter().map(|steps| &steps.0).collect()
     }
     fn size(&self) -> Size {
         self.system.size()
+    }
+    fn at(&self, _: f64) -> &dyn Reported {
+        self
     }
 }
 
@@ -161,6 +177,16 @@ pub struct Account {
 }
 
 impl Account {
+    /// Of a run, with its work, its largest violations (absolute and relative) and the energy exchanged.
+    pub fn new(
+        run: Box<dyn Reported>,
+        (steps, work): (Counters, FormulationCounters),
+        (steps_open, gaps): ((f64, f64), (f64, f64)),
+        exchanged: f64,
+    ) -> Self {
+        Self { run, described: OnceLock::new(), steps, work, steps_open, gaps, exchanged }
+    }
+
     /// What describes the outputs, computed when first needed.
     pub fn described<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         if let Some(found) = self.described.get() {
@@ -208,7 +234,7 @@ impl Account {
     fn state<'py>(&self, py: Python<'py>, t: f64) -> PyResult<Option<(f64, Flat<'py>, Flat<'py>)>> {
         guarded(py, || {
             let mut found = None;
-            let read = self.run.read(&mut |log, reader| {
+            let read = self.run.at(t).read(&mut |log, reader| {
                 let Some((steps, _)) = &log.steps else { return Ok(()) };
                 let at = |x: &Output| (x.t, PyArray1::from_iter(py, whole(x)), PyArray1::from_slice(py, &x.v));
                 found = reader.read(steps, t)?.map(at);
@@ -229,14 +255,20 @@ impl Account {
             let n = times.len();
             let mut rows = [vec![f64::NAN; n], vec![f64::NAN; n * size.nq], vec![f64::NAN; n * size.nv]];
             let [t, q, v] = &mut rows;
+            let mut take = |i: usize, x: &Output| {
+                t[i] = x.t;
+                q[i * size.nq..(i + 1) * size.nq].iter_mut().zip(whole(x)).for_each(|(to, q)| *to = q);
+                v[i * size.nv..(i + 1) * size.nv].copy_from_slice(&x.v);
+            };
             watched(py, |watch| {
-                self.run.read(&mut |log, reader| {
-                    log.read(reader, &times, watch, &mut |i, x| {
-                        t[i] = x.t;
-                        q[i * size.nq..(i + 1) * size.nq].iter_mut().zip(whole(x)).for_each(|(to, q)| *to = q);
-                        v[i * size.nv..(i + 1) * size.nv].copy_from_slice(&x.v);
-                    })
-                })
+                if !self.run.is_divided() {
+                    return self.run.read(&mut |log, reader| log.read(reader, &times, watch, &mut take));
+                }
+                for (i, time) in times.iter().enumerate() {
+                    let part = self.run.at(*time);
+                    part.read(&mut |log, reader| log.read(reader, &[*time], watch, &mut |_, x| take(i, x)))?;
+                }
+                Ok(())
             })?;
             let [t, q, v] = rows;
             Ok((array(py, &[n], t), array(py, &[n, size.nq], q), array(py, &[n, size.nv], v)))
@@ -244,7 +276,8 @@ impl Account {
     }
     /// When the first step kept begins and the last one ends; None where none is.
     fn span(&self) -> Option<(f64, f64)> {
-        self.run.steps().and_then(StepLog::span)
+        let spans: Vec<(f64, f64)> = self.run.steps().into_iter().filter_map(StepLog::span).collect();
+        Some((spans.first()?.0, spans.last()?.1))
     }
     /// Counts of work.
     fn counters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -267,8 +300,8 @@ impl Account {
             (intern!(py, "newton_iterations"), f.newton_iterations),
             (intern!(py, "proximal_iterations"), f.proximal_iterations),
             (intern!(py, "compiled_evaluations"), f.compiled_evaluations),
-            (intern!(py, "kept_steps"), self.run.steps().map_or(0, StepLog::count) as u64),
-            (intern!(py, "kept_step_bytes"), self.run.steps().map_or(0, StepLog::bytes) as u64),
+            (intern!(py, "kept_steps"), self.run.steps().into_iter().map(StepLog::count).sum::<usize>() as u64),
+            (intern!(py, "kept_step_bytes"), self.run.steps().into_iter().map(StepLog::bytes).sum::<usize>() as u64),
         ] {
             counters.set_item(name, value)?;
         }
@@ -276,20 +309,17 @@ impl Account {
     }
 }
 
-/// Integrate `system` from `(q, v)` and return the dictionary of results.
-pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
-    py: Python<'py>,
-    system: Arc<S>,
+/// Asks after each step whether to go on.
+pub type Stopping<'w> = &'w mut (dyn FnMut(f64) -> ControlFlow<()> + Send);
+
+/// A run with progress and interrupts, and what ended it early.
+pub fn carried_out<T: Send>(
+    py: Python<'_>,
     request: &Request,
-    t_eval: &PyReadonlyArray1<'py, f64>,
-    (q, v): (&[f64], &[f64]),
-    tangent: Option<Arc<dyn TangentMap>>,
-    observe: Option<Observe>,
     progress: Option<Py<PyAny>>,
-    calls_functions: bool,
-) -> PyResult<Bound<'py, PyDict>> {
-    let t_eval = entries_of(t_eval);
-    let shared = !calls_functions && tangent.is_none();
+    go: impl FnOnce(Stopping) -> Result<T, AnalysisError> + Send,
+    outcome_of: impl FnOnce(&mut T) -> &mut Outcome,
+) -> PyResult<(T, Option<PyErr>)> {
     // an exception from `progress`, or Ctrl-C
     let mut stopped: Option<PyErr> = None;
     let mut last = Instant::now();
@@ -314,9 +344,9 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
             }
         }
     };
-    let found = released(py, || run::observed(&*system, request, tangent, &t_eval, (q, v), observe, &mut watch));
+    let found = released(py, || go(&mut watch));
     let mut found = found.map_err(|e| failure::analysis(py, e))?;
-    let outcome = &mut found.outcome;
+    let outcome = outcome_of(&mut found);
     // an exception from a user function ends the run, and the results so far are kept; Ctrl-C in it is Ctrl-C
     let mut cause = None;
     if let Some(error) = outcome.error.take() {
@@ -342,6 +372,25 @@ pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
             return Err(e);
         }
     }
+    Ok((found, cause))
+}
+
+/// Integrate `system` from `(q, v)` and return the dictionary of results.
+pub fn run<'py, S: Balance<Scratch: Send> + Send + Sync + 'static>(
+    py: Python<'py>,
+    system: Arc<S>,
+    request: &Request,
+    t_eval: &PyReadonlyArray1<'py, f64>,
+    (q, v): (&[f64], &[f64]),
+    tangent: Option<Arc<dyn TangentMap>>,
+    observe: Option<Observe>,
+    progress: Option<Py<PyAny>>,
+    calls_functions: bool,
+) -> PyResult<Bound<'py, PyDict>> {
+    let t_eval = entries_of(t_eval);
+    let shared = !calls_functions && tangent.is_none();
+    let go = |watch: Stopping| run::observed(&*system, request, tangent, &t_eval, (q, v), observe, watch);
+    let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;
     reported_run(py, system, found, shared, cause)
 }
 
@@ -431,7 +480,7 @@ fn ended(py: Python<'_>, message: &str, t: f64, name: &str, cause: PyErr) -> PyE
 }
 
 /// Coordinates with their whole turns.
-fn whole(x: &Output) -> impl Iterator<Item = f64> + '_ {
+pub fn whole(x: &Output) -> impl Iterator<Item = f64> + '_ {
     x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n))
 }
 
@@ -451,32 +500,49 @@ fn reported_run<'py, S: Balance + Send + Sync + 'static>(
     shared: bool,
     cause: Option<PyErr>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (size, outputs) = (system.size(), &run.log.outputs);
-    let nt = outputs.len();
-    let q = outputs.iter().flat_map(whole).collect();
-    let v = outputs.iter().flat_map(|x| x.v.iter().copied()).collect();
-    let arrays = PyDict::new(py);
-    arrays.set_item(intern!(py, "t"), array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
-    arrays.set_item(intern!(py, "q"), array(py, &[nt, size.nq], q))?;
-    arrays.set_item(intern!(py, "v"), array(py, &[nt, size.nv], v))?;
-    let d = PyDict::new(py);
-    d.set_item(intern!(py, "arrays"), arrays)?;
-    d.set_item(intern!(py, "notes"), &run.notes)?;
-    d.set_item(intern!(py, "findings"), reported(&run.findings))?;
-    d.set_item(intern!(py, "status"), run.outcome.status.word())?;
-    d.set_item(intern!(py, "success"), matches!(run.outcome.status, Status::Finished | Status::Event))?;
-    d.set_item(intern!(py, "occurrences"), occurred(&run.occurrences))?;
-    d.set_item(intern!(py, "message"), &run.outcome.message)?;
-    d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
-    let log = Account {
-        run: Box::new(RunLog { system, log: run.log, shared, reader: Mutex::new(None) }),
-        described: OnceLock::new(),
-        steps: run.outcome.counters,
-        work: run.counters,
-        steps_open: run.closure_error,
-        gaps: (run.gaps.position.part, run.gaps.velocity.part),
-        exchanged: run.exchanged,
+    let size = system.size();
+    let ended = Ended {
+        outputs: run.log.outputs.iter().collect(),
+        notes: &run.notes,
+        findings: &run.findings,
+        outcome: &run.outcome,
     };
+    let d = ended.reported(py, size, cause)?;
+    d.set_item(intern!(py, "occurrences"), occurred(&run.occurrences))?;
+    let (open, gaps) = (run.closure_error, (run.gaps.position.part, run.gaps.velocity.part));
+    let (work, exchanged) = ((run.outcome.counters, run.counters), run.exchanged);
+    let log = Account::new(Box::new(RunLog::new(system, run.log, shared)), work, (open, gaps), exchanged);
     d.set_item(intern!(py, "log"), log.into_pyobject(py)?)?;
     Ok(d)
+}
+
+/// How a run ended, with its outputs.
+pub struct Ended<'r> {
+    pub outputs: Vec<&'r Output>,
+    pub notes: &'r [String],
+    pub findings: &'r [Finding],
+    pub outcome: &'r Outcome,
+}
+
+impl Ended<'_> {
+    /// Arrays, notes, findings and how it ended.
+    pub fn reported<'py>(&self, py: Python<'py>, size: Size, cause: Option<PyErr>) -> PyResult<Bound<'py, PyDict>> {
+        let (nt, outputs) = (self.outputs.len(), &self.outputs);
+        let q = outputs.iter().flat_map(|x| whole(x)).collect();
+        let v = outputs.iter().flat_map(|x| x.v.iter().copied()).collect();
+        let arrays = PyDict::new(py);
+        arrays.set_item(intern!(py, "t"), array(py, &[nt], outputs.iter().map(|x| x.t).collect()))?;
+        arrays.set_item(intern!(py, "q"), array(py, &[nt, size.nq], q))?;
+        arrays.set_item(intern!(py, "v"), array(py, &[nt, size.nv], v))?;
+        let d = PyDict::new(py);
+        d.set_item(intern!(py, "arrays"), arrays)?;
+        d.set_item(intern!(py, "notes"), self.notes)?;
+        d.set_item(intern!(py, "findings"), reported(self.findings))?;
+        let status = self.outcome.status;
+        d.set_item(intern!(py, "status"), status.word())?;
+        d.set_item(intern!(py, "success"), matches!(status, Status::Finished | Status::Event))?;
+        d.set_item(intern!(py, "message"), &self.outcome.message)?;
+        d.set_item(intern!(py, "error"), cause.map(|e| e.into_value(py)))?;
+        Ok(d)
+    }
 }

@@ -29,7 +29,7 @@ impl Direction {
 }
 
 /// A function of the motion whose zeros are reported, by its number among the [`EventFunctions`].
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Event {
     /// For messages.
     pub name: String,
@@ -39,6 +39,9 @@ pub struct Event {
     pub last: Option<u64>,
     /// The number of occurrences that are reported.
     pub most: u64,
+    /// The side, positive or not, on which its function is at the start, where that is not told by its value: one that may
+    /// not leave it crosses zero wherever it does.
+    pub side: Option<bool>,
 }
 
 /// A state with its accelerations.
@@ -52,6 +55,8 @@ pub struct MotionState {
     pub v: Vec<f64>,
     /// v'.
     pub vdot: Vec<f64>,
+    /// λ of all rows, where a function reads forces.
+    pub multipliers: Vec<f64>,
 }
 
 /// The functions of all events.
@@ -63,6 +68,10 @@ pub trait EventFunctions: Debug + Send + Sync {
     fn read(&mut self, at: &MotionState, out: &mut [Reading]) -> Result<()>;
     /// The motion has got to t, where the functions were read: angles that are known up to whole turns go on from there.
     fn accept(&mut self, t: f64);
+    /// Whether the multipliers of rows are read.
+    fn reads_forces(&self) -> bool {
+        false
+    }
 }
 
 /// An event that happened.

@@ -226,6 +226,21 @@ pub struct FormulationCounters {
     pub compiled_evaluations: u64,
 }
 
+impl FormulationCounters {
+    /// Add the work of another part of a run.
+    pub fn add(&mut self, other: &Self) {
+        self.factorisations += other.factorisations;
+        self.plans += other.plans;
+        self.switches += other.switches;
+        self.unlisted_switches += other.unlisted_switches;
+        self.corrections += other.corrections;
+        self.renewals += other.renewals;
+        self.newton_iterations += other.newton_iterations;
+        self.proximal_iterations += other.proximal_iterations;
+        self.compiled_evaluations += other.compiled_evaluations;
+    }
+}
+
 /// The record of a run so far.
 #[derive(Clone, Debug, Default)]
 pub struct History {

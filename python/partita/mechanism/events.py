@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,14 +12,15 @@ from numpy.typing import NDArray
 
 from ..builder.checks import Element
 from ..builder.compiled import CompiledModel
-from ..builder.joints import scalars
+from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
 from ..builder.records import Joint
 from ..builder.sensors import Reading, Sensor, known_expression
-from ..events import RATES, Event, Formula, Function, Observed, called, listed
+from ..errors import ArgumentError
+from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetRates, Stop, called, listed
 from ..events import observed as written
 from ..naming import index_of
-from ..numeric import shown
+from ..numeric import is_list, shown
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
@@ -59,14 +62,95 @@ class Sensors:
 
 
 def observed(
-    mechanism: Modelled, model: CompiledModel, layout: Layout, events: Iterable[Any] | None
-) -> Observed | None:
-    """Events as given by the user, for this model; None where there are none."""
+    mechanism: Modelled,
+    model: CompiledModel,
+    layout: Layout,
+    events: Iterable[Any] | None,
+    locked: Iterable[Any] = (),
+) -> tuple[Observed | None, CompiledModel]:
+    """Events as given by the user, for this model; None where there are none. Also the model with the drives by which
+    they act, and those of the joints that are `locked` at the start."""
     found = listed(events)
-    if not found:
-        return None
+    holds = _Holds(mechanism)
+    at_start = [name for joint in _joints(locked) for name in holds.locked("locked", joint, None)]
+    if not found and not at_start:
+        return None, model
     maker = _Maker(mechanism, model, layout)
-    return written(found, maker.formula, maker.functions)
+    watched = written(found, maker.formula, maker.functions)
+    actions = [holds.actions(event, maker) for event in found]
+    if not holds.drives:
+        return watched, model
+    if watched is None:
+        watched = Observed((), None, "[]", [])
+    acts = {"switched": list(holds.drives), "locked": at_start, "actions": actions}
+    watched = replace(watched, acts=json.dumps(acts))
+    return watched, model.with_more_drives(list(holds.drives.values()))
+
+
+def _joints(locked: Any) -> list[Any]:
+    if isinstance(locked, str | Joint):
+        return [locked]
+    if not is_list(locked):
+        raise ArgumentError(f"locked must be a list of joints, not {shown(locked)}", argument="locked")
+    return list(locked)
+
+
+class _Holds:
+    """Drives by which events act: what they hold."""
+
+    def __init__(self, mechanism: Modelled) -> None:
+        self._mechanism = mechanism
+        self.drives: dict[str, dict[str, Any]] = {}
+
+    def actions(self, event: Event, maker: _Maker) -> list[dict[str, Any]]:
+        """What an event does, as plain data."""
+        found: list[dict[str, Any]] = []
+        for action in event.then:
+            if isinstance(action, Lock):
+                found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
+            elif isinstance(action, Release):
+                found += [{"release": name} for name in self.locked(event.name, action.joint, None)]
+            elif isinstance(action, SetRates):
+                found.append({"rates": [self._rate(event, joint, x) for joint, x in action.rates.items()]})
+            else:
+                found.append({"stop": self._stop(event, action, maker)})
+        return found
+
+    def locked(self, asker: str, joint: Any, coordinate: int | None) -> list[str]:
+        """The names of the drives that hold a joint, or one of its coordinates."""
+        element = Element("event", asker)
+        record = joint_record(self._mechanism, element, joint)
+        moving = motions(record)
+        chosen = range(len(moving)) if coordinate is None else [coordinate_of(element, record, coordinate, len(moving))]
+        if not moving:
+            element.fail(f'the joint "{record.name}" has no motion that could be held')
+        names = []
+        for i in chosen:
+            name = f"lock of {record.name}" + (f".{i}" if len(moving) > 1 else "")
+            names.append(self._drive(name, {"of": "joint", "joint": record.name, "coordinate": i}, "velocity", 0.0))
+        return names
+
+    def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
+        measured = measure(self._mechanism, Element("event", event.name), joint)
+        name = f"rate of {measured['joint']}.{measured['coordinate']}"
+        return [self._drive(name, measured, "velocity", 0.0), float(rate)]
+
+    def _stop(self, event: Event, action: Stop, maker: _Maker) -> dict[str, Any]:
+        followed = maker.formula(event).get("position")
+        if followed is None:
+            Element("event", event.name).fail(
+                "a stop bounds a joint, pt.Distance, pt.Along or pt.Cosine, or a sensor of the position of one; "
+                "not a rate, an expression or a function"
+            )
+        name = self._drive(f"stop {event.name}", followed, "position", float(event.value))
+        return {"drive": name, "sign": -float(event.direction), "restitution": float(action.restitution)}
+
+    def _drive(self, name: str, measured: Mapping[str, Any], level: str, value: float) -> str:
+        taken = self._mechanism._description.drives
+        while name in taken:
+            name += "'"
+        self.drives[name] = {"name": name, "measure": dict(measured), "motion": {"constant": value}, "level": level}
+        return name
 
 
 class _Maker:

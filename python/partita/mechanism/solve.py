@@ -374,6 +374,7 @@ def simulate(
     compiled: bool | str = "auto",
     parameters: Mapping[str, ArrayLike] | None = None,
     events: Iterable[Any] | None = None,
+    locked: Iterable[Any] = (),
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -415,7 +416,10 @@ def simulate(
             sweeps and gradients, where compiling again would cost more than the run. The loops must close in `initial`
             with these numbers.
         events: a list of `pt.Event`, or of functions f(t, state) as SciPy has them, with attributes `direction` and
-            `terminal`; `run.events` has what happened. At most a limit, "events" in `pt.limits`, may happen.
+            `terminal`; `run.events` has what happened. At most a limit, "events" in `pt.limits`, may happen. What they
+            do (`then=`) divides the run into segments.
+        locked: joints that are held from the start on, until an event releases them; their rates at the start are
+            lost in an impulse.
 
     Returns:
         The result, also of a run that stopped early: check `success` and `message`.
@@ -456,9 +460,14 @@ def simulate(
         compiled=compiled,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    watched = observed(self, model, layout, events)
+    watched, model = observed(self, model, layout, events, locked)
     followed = None if watched is None else watched.core
-    raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver, followed)
+    if watched is None or watched.acts is None:
+        raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver, followed)
+    else:
+        raw = run_options.run_segments(
+            model.core, chosen, times, (start.q, start.v), progress, solver, watched.core, watched.acts
+        )
     if notes := (*self._remarks(), *model._sentences):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     found = Result.from_run(

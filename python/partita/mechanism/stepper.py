@@ -131,7 +131,7 @@ class Stepper:
         The step ends at its own time whatever happens within it; `result().events` are those of all steps."""
         if self._watched is None:
             return events_of({}, self._layout)
-        return events_of(written(self._watched.names, self._core.occurred()), self._layout)
+        return events_of(written(self._watched.names, self._core.occurred(), None, {}), self._layout)
 
     def joint(self, name: Any) -> JointMotion:
         """Position and velocity of a joint of the tree or of a loop; `UnknownNameError` suggests the nearest names."""
@@ -391,7 +391,12 @@ def stepper(
         compiled=compiled,
     )
     given = chosen(inputs_of(self._description), inputs)
-    watched = observed(self, model, layout, events)
+    watched, _ = observed(self, model, layout, events)
+    if watched is not None and watched.acts is not None:
+        raise ArgumentError(
+            "events of a stepper observe: set its inputs from outside, or let the events of `simulate` act",
+            argument="events",
+        )
     if watched is not None and watched.ends is not None:
         raise ArgumentError(
             f'event "{watched.ends}" is terminal, but a stepper goes on for as long as it is stepped; look at '

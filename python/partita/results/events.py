@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, overload
 
 import numpy as np
 
-from ..naming import index_of
+from ..naming import driven, index_of
 from ..state import Layout, State
 
 CROSSING = "crossing"
@@ -29,6 +29,10 @@ class EventRecord:
     """The state there, which a run can start from (`initial=`)."""
     after: State
     """The state from which the motion goes on: the same where nothing acts on it."""
+    impulses: Mapping[str, float] = field(default_factory=dict)
+    """Impulses [N s, N m s] of the drives, locks and stops that act at an impact, by name."""
+    energy_lost: float = 0.0
+    """Loss of kinetic energy [J]."""
 
     def __repr__(self) -> str:
         sense = "rising" if self.direction > 0 else "falling"
@@ -92,13 +96,31 @@ def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
-def written(names: Sequence[str], occurred: Sequence[tuple[int, bool, float, list[float], list[float]]]) -> Any:
-    """Events as plain data, for files."""
-    found = [
-        {"name": names[event], "kind": CROSSING, "direction": 1 if rises else -1, "t": t, "q": q, "v": v}
-        for event, rises, t, q, v in occurred
-    ]
-    return {"names": list(names), "records": found}
+def written(
+    names: Sequence[str],
+    occurred: Sequence[tuple[int, bool, float, list[float], list[float]]],
+    happened: Sequence[tuple[Any, ...]] | None,
+    summary: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Events as plain data, for files: those that only observe, or those of a run in which events act."""
+    if happened is None:
+        found = [
+            {"name": names[event], "kind": CROSSING, "direction": 1 if rises else -1, "t": t, "q": q, "v": v}
+            for event, rises, t, q, v in occurred
+        ]
+        return {"names": list(names), "records": found}
+    drives = driven(summary)
+    records = []
+    for event, kind, rises, t, q, before, after, impulses, lost in happened:
+        item = {"name": names[event], "kind": kind, "direction": 1 if rises else -1, "t": t, "q": q, "v": before}
+        if after != before:
+            item["after"] = after
+        if impulses:
+            along = {name: impulses[rows[0]] for name, rows in drives.items() if len(rows) == 1}
+            item["impulses"] = {name: x for name, x in along.items() if x != 0.0}
+            item["energy_lost"] = lost
+        records.append(item)
+    return {"names": list(names), "records": records}
 
 
 def events_of(data: Mapping[str, Any], layout: Layout) -> Events:
@@ -106,6 +128,10 @@ def events_of(data: Mapping[str, Any], layout: Layout) -> Events:
     records = []
     for item in data.get("records", ()):
         q, v = np.array(item["q"], dtype=float), np.array(item["v"], dtype=float)
-        state = State.computed(float(item["t"]), q, v, layout)
-        records.append(EventRecord(state.t, str(item["name"]), str(item["kind"]), int(item["direction"]), state, state))
+        before = after = State.computed(float(item["t"]), q, v, layout)
+        if "after" in item:
+            after = State.computed(before.t, q.copy(), np.array(item["after"], dtype=float), layout)
+        name, kind, direction = str(item["name"]), str(item["kind"]), int(item["direction"])
+        impulses, lost = dict(item.get("impulses", {})), float(item.get("energy_lost", 0.0))
+        records.append(EventRecord(before.t, name, kind, direction, before, after, impulses, lost))
     return Events([str(name) for name in data.get("names", ())], records)

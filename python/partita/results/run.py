@@ -99,7 +99,7 @@ class Run(Motion):
         if account:
             summary = {**summary, "sensors": account}
         motion = raw.pop("motion", None)
-        raw["events"] = written(events, raw.pop("occurrences", ()))
+        raw["events"] = written(events, raw.pop("occurrences", ()), raw.pop("happenings", None), summary)
         record = Record.from_raw(raw, summary, options or {}, spec)
         source, read = None, None
         if spec is not None:

@@ -3,9 +3,11 @@
 
 pub mod balance;
 pub mod cost;
+pub mod impact;
 mod inconsistent;
 mod prepared;
 mod request;
+pub mod segments;
 mod singular_start;
 mod solution_log;
 mod stepping;

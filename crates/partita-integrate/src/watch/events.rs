@@ -36,6 +36,8 @@ pub(crate) struct EventWatch {
     size: Vec<f64>,
     /// The longest step so far.
     longest: f64,
+    /// When the integration began.
+    begins: Option<f64>,
     /// The zeros of the concluded step that count, in the order of time.
     zeros: Vec<Zero>,
     /// Occurrences allowed.
@@ -101,16 +103,29 @@ impl EventWatch {
         sides(at.readings[track.count() + e], self.small(e, track, at))
     }
 
+    /// Whether a reading is zero.
+    fn is_zero(&self, e: usize, track: &Track, at: &Sample) -> bool {
+        at.readings[track.count() + e].x.abs() <= self.small(e, track, at)
+    }
+
+    /// Whether a function is moved by its rate at the end of an interval, or stays where it is.
+    fn moves(&self, e: usize, track: &Track, ends: &[Sample]) -> bool {
+        let rate = ends[1].readings[track.count() + e].rate.abs();
+        !self.is_zero(e, track, &ends[0]) || rate * (ends[1].t - ends[0].t) > 2.0 * self.small(e, track, &ends[1])
+    }
+
     /// All zeros of the step, if its readings show them.
     fn search(&mut self, track: &Track) -> Search {
         self.zeros.clear();
         let samples = track.samples();
-        for ends in samples.windows(2) {
-            for e in 0..self.events.len() {
-                let after = self.sides(e, track, &ends[0]).1;
+        for (i, ends) in samples.windows(2).enumerate() {
+            for e in (0..self.events.len()).filter(|&e| self.count[e] < self.events[e].most) {
+                let starts = i == 0 && self.begins == Some(ends[0].t);
+                let given = self.events[e].side.filter(|_| starts && self.is_zero(e, track, &ends[0]));
+                let after = given.unwrap_or(self.sides(e, track, &ends[0]).1);
                 let small = [self.small(e, track, &ends[0]), self.small(e, track, &ends[1])];
                 let (function, felt) = (track.count() + e, Felt::Nowhere);
-                let interval = Interval { ends, function, small, recent: 0.0, goes_on: true, felt };
+                let interval = Interval { ends, function, small, recent: 0.0, goes_on: true, felt, given };
                 match interval.shown(track) {
                     Shown::Clear => {}
                     Shown::Doubtful(t) if !track.is_full() => return Search::Unclear(t),
@@ -119,7 +134,7 @@ impl EventWatch {
                 }
                 // one at the start of the step belongs to the step before
                 let (before, after) = self.sides(e, track, &ends[1]);
-                if before != after {
+                if before != after && self.moves(e, track, ends) {
                     self.zeros.push(Zero { t: ends[1].t, event: e, rises: after });
                 }
             }
@@ -186,6 +201,7 @@ impl Watch for EventWatch {
     fn look(&mut self, step: &mut StepView) -> Result<Look, StepFailure<SystemError>> {
         let (from, to) = step.ends();
         self.longest = self.longest.max(to - from);
+        self.begins.get_or_insert(from);
         if let ([from, ..], [.., to]) = (step.track.samples(), step.track.samples()) {
             let first = step.track.count();
             for (size, (a, b)) in self.size.iter_mut().zip(from.readings.iter().zip(&to.readings).skip(first)) {

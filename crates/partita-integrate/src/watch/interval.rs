@@ -45,6 +45,8 @@ pub(super) struct Interval<'t> {
     /// Whether its end lies inside the step.
     pub(super) goes_on: bool,
     pub(super) felt: Felt,
+    /// The side on which it is at its start, where its reading there does not tell.
+    pub(super) given: Option<bool>,
 }
 
 /// The side before and after an instant, positive or not, where readings up to `small` are zero.
@@ -65,7 +67,7 @@ impl Interval<'_> {
         // at rest on a zero it is on the side towards which it moves
         let small = self.small[0];
         let rests = one.x.abs() <= small && (h * one.rate).abs() <= small + tolerance::TAKES_PART * two.x.abs();
-        let after = if rests { ahead } else { after };
+        let after = self.given.unwrap_or(if rests { ahead } else { after });
         let crosses = after != ahead;
         if h <= tolerance::SUM_ROUNDING * from.t.abs().max(to.t.abs()) {
             // too short to be divided: a jump, unless the step ends here anyway

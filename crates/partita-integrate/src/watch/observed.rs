@@ -39,8 +39,11 @@ impl Observed {
 
     /// At the closed point last evaluated.
     pub(crate) fn read_here(&mut self, t: f64, formulation: &mut dyn Formulation, turned: &[i32], out: &mut [Reading]) {
-        formulation.point().state(&mut self.state);
-        self.read(t, turned, out);
+        let forces_at = self.functions.reads_forces().then_some(t);
+        match formulation.point().state(forces_at, &mut self.state) {
+            Ok(()) => self.read(t, turned, out),
+            Err(error) => drop(self.failed.get_or_insert((t, error))),
+        }
     }
 
     /// At (t, y) inside a step, the point last evaluated: closed, as outputs are.
@@ -54,7 +57,8 @@ impl Observed {
         turned: &[i32],
         out: &mut [Reading],
     ) -> Result<(), SystemError> {
-        formulation.point().state(&mut self.state);
+        let forces_at = self.functions.reads_forces().then_some(t);
+        formulation.point().state(forces_at, &mut self.state)?;
         formulation.state_at(t, y, Purpose::Look, &mut self.output)?;
         self.state.q.clone_from(&self.output.q);
         self.state.v.clone_from(&self.output.v);

@@ -11,8 +11,9 @@ use super::{drives, Model};
 use crate::compile;
 use crate::error::DescriptionError;
 use crate::freed::Freed;
+use crate::measurement::{drivable, is_angle};
 use crate::numbers::Numbers;
-use crate::spec::{Drive, Force, Level, PointForce, Spec, Value, VectorValue};
+use crate::spec::{Drive, Force, Level, Measure, PointForce, Spec, Value, VectorValue};
 use crate::value;
 use partita_system::SystemError;
 use std::sync::Arc;
@@ -54,6 +55,39 @@ impl Model {
         let mut made = self.with_rows(actuators, silent)?;
         made.mechanism = Some(self.clone());
         Ok(made)
+    }
+
+    /// The same mechanism in the same coordinates with those of its drives alone whose names `holds` accepts.
+    ///
+    /// # Errors
+    /// Where its equations cannot be made.
+    pub fn with_drives(&self, holds: &dyn Fn(&str) -> bool) -> Result<Self, DescriptionError> {
+        let kept = self.spec.drives.iter().filter(|drive| holds(&drive.name)).cloned().collect();
+        self.with_rows(kept, &[])
+    }
+
+    /// The same mechanism in the same coordinates with more drives.
+    ///
+    /// # Errors
+    /// Where one of them cannot be.
+    pub fn with_more_drives(&self, more: Vec<Drive>) -> Result<Self, DescriptionError> {
+        for drive in &more {
+            drivable(drive, &self.own.placed)?;
+        }
+        self.with_rows(self.spec.drives.iter().cloned().chain(more).collect(), &[])
+    }
+
+    /// The size of what a drive prescribes: 1 for angles and cosines, the characteristic length for others.
+    pub fn natural_size_of_drive(&self, name: &str) -> f64 {
+        let drive = self.spec.drives.iter().find(|drive| drive.name == name);
+        let is_length = drive.is_some_and(|drive| {
+            !matches!(drive.measure, Measure::Cosine { .. }) && !is_angle(&self.own.placed, &drive.measure)
+        });
+        if is_length {
+            self.length()
+        } else {
+            1.0
+        }
     }
 
     /// Rate and acceleration that the drive with this row prescribes at t; `None` for a component of an orientation, whose

@@ -205,8 +205,12 @@ pub trait Point: StepReplay {
     fn watched(&self) -> Watched;
     /// All levels at (t, y).
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()>;
-    /// Velocities and accelerations at the point last evaluated with all levels, and its position without whole turns.
-    fn state(&mut self, out: &mut MotionState);
+    /// Velocities and accelerations at the point last evaluated with all levels, and its position without whole turns;
+    /// for those at a time the multipliers too.
+    ///
+    /// # Errors
+    /// Where these cannot be evaluated.
+    fn state(&mut self, forces_at: Option<f64>, out: &mut MotionState) -> Result<()>;
     /// The fastest rate [1/s], and the watched functions.
     fn readings(&mut self, t: f64, out: &mut [Reading]) -> f64;
     /// The side at (t, y) inside the step that was judged or is attempted. `None` where sides cannot be compared.

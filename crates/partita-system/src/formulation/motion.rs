@@ -239,7 +239,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
     fn evaluate(&mut self, t: f64, y: &[f64]) -> Result<()> {
         self.levels(t, y, false)
     }
-    fn state(&mut self, out: &mut MotionState) {
+    fn state(&mut self, forces_at: Option<f64>, out: &mut MotionState) -> Result<()> {
         out.q.clear();
         out.q.extend_from_slice(self.positions.q());
         self.system.normalise(&mut out.q);
@@ -247,6 +247,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> P
         out.v.extend_from_slice(&self.tangent.seen().at.v);
         out.vdot.resize(self.v.len(), 0.0);
         self.tangent.full_acceleration(&mut out.vdot);
+        if let Some(t) = forces_at {
+            let r = self.tangent.reduction();
+            out.multipliers.resize(r.size().rows, 0.0);
+            r.multipliers(t, self.positions.q(), &out.vdot, &mut out.multipliers)?;
+        }
+        Ok(())
     }
     fn readings(&mut self, t: f64, out: &mut [Reading]) -> f64 {
         let r = self.tangent.reduction();

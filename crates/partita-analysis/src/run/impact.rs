@@ -1,0 +1,233 @@
+//! What changes at an instant: velocities by impulses, and which contacts press from there on.
+//!
+//! ```text
+//! min |v⁺ − v⁻|_M     so that  C v⁺ + a = 0,  N v⁺ + a_N ≥ −e min(N v⁻ + a_N, 0)          (Newton, Moreau)
+//! min |v' − M⁻¹ h|_M  so that  C v' + b = 0,  N v' + b_N ≥ 0                              (Gauss)
+//! ```
+//!
+//! Both are the nearest point of a polyhedron in the mass metric: velocities and accelerations are unique, however many
+//! contacts close at once and however redundant they are, and the energy never grows.
+
+use crate::error::AnalysisError;
+use partita_math::dense::{self, Matrix};
+use partita_math::quadratic::Polyhedron;
+use partita_math::tolerance;
+use partita_model::Model;
+use partita_system::prelude::*;
+use partita_system::SystemError;
+
+/// A condition on one side: `sign (C v + a) ≥ 0` where it is closed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OneSided {
+    /// Its row.
+    pub row: usize,
+    /// 1 where the measure may grow from there, −1 where it may fall.
+    pub sign: f64,
+    /// The coefficient of restitution e.
+    pub restitution: f64,
+}
+
+/// The equations at a state, in the mass metric: x = Lᵀ v with M = L Lᵀ.
+pub struct Impact {
+    nv: usize,
+    t: f64,
+    /// L.
+    l: Vec<f64>,
+    /// Rows of C L⁻ᵀ, of length 1, and the lengths that they had.
+    rows: Matrix,
+    lengths: Vec<f64>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    /// L⁻¹ h and Lᵀ v.
+    h: Vec<f64>,
+    x: Vec<f64>,
+    names: Vec<String>,
+}
+
+/// Where velocities, or accelerations, go.
+pub struct Reached {
+    /// v⁺ or v'.
+    pub v: Vec<f64>,
+    /// Impulses or forces along all rows.
+    pub multipliers: Vec<f64>,
+    /// Change of the kinetic energy; of accelerations without meaning.
+    pub energy: f64,
+}
+
+fn failed(t: f64, message: String) -> AnalysisError {
+    SystemError::Tick { t, message }.into()
+}
+
+impl Impact {
+    /// At (t, q, v).
+    ///
+    /// # Errors
+    /// Where the equations cannot be evaluated, or M is singular.
+    pub fn new(model: &Model, t: f64, q: &[f64], v: &[f64]) -> Result<Self, AnalysisError> {
+        let (size, structure, mut s) = (model.size(), model.structure(), model.scratch());
+        let n = size.nv;
+        let (mut phi, mut c) = (vec![0.0; size.holonomic], vec![0.0; structure.pattern.nnz()]);
+        let (mut a, mut b) = (vec![0.0; size.rows], vec![0.0; size.rows]);
+        let (mut l, mut h) = (vec![0.0; n * n], vec![0.0; n]);
+        model.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
+        model.velocity(t, q, v, &mut s, &mut b)?;
+        model.dynamics(t, q, v, &mut s, &mut l, &mut h)?;
+        dense::cholesky(&mut l, n).map_err(|_| {
+            let message = "velocities change abruptly here, but bodies without mass can move along: give every body a mass";
+            failed(t, message.into())
+        })?;
+        let mut rows = Matrix::new(size.rows, n);
+        let mut lengths = vec![0.0; size.rows];
+        for (i, length) in lengths.iter_mut().enumerate() {
+            let row = rows.row_mut(i);
+            structure.pattern.row(i).for_each(|e| row[structure.pattern.col_idx[e]] = c[e]);
+            dense::cholesky_forward(&l, n, row);
+            *length = dense::dot(row, row).sqrt();
+            if *length > 0.0 {
+                row.iter_mut().for_each(|x| *x /= *length);
+            }
+        }
+        dense::cholesky_forward(&l, n, &mut h);
+        let names = structure.rows.iter().map(|row| row.name.to_string()).collect();
+        let mut impact = Self { nv: n, t, l, rows, lengths, a, b, h, x: Vec::new(), names };
+        impact.x = impact.to_metric(v);
+        Ok(impact)
+    }
+
+    fn to_metric(&self, v: &[f64]) -> Vec<f64> {
+        let n = self.nv;
+        (0..n).map(|j| (j..n).map(|i| self.l[i * n + j] * v[i]).sum()).collect()
+    }
+
+    /// Rows of these that do not follow from one another.
+    fn independent(&self, rows: &[usize]) -> Vec<usize> {
+        let n = rows.len();
+        let mut gram: Vec<f64> =
+            (0..n * n).map(|e| dense::dot(self.rows.row(rows[e / n]), self.rows.row(rows[e % n]))).collect();
+        let mut order = vec![0; n];
+        let rank = dense::pivoted_cholesky(&mut gram, n, n, tolerance::REDUNDANT, &mut order);
+        let mut kept: Vec<usize> = order[..rank].iter().map(|&i| rows[i]).collect();
+        kept.sort_unstable();
+        kept
+    }
+
+    /// The nearest point to `from` where the rows `held` have these values, and the others at least theirs.
+    fn nearest(
+        &self,
+        from: &[f64],
+        held: &[(usize, f64)],
+        least: &[(OneSided, f64)],
+    ) -> Result<(Vec<f64>, Vec<f64>), AnalysisError> {
+        let all: Vec<usize> = held.iter().map(|x| x.0).collect();
+        let kept = self.independent(&all);
+        let part = |row: usize, x: f64| if self.lengths[row] > 0.0 { x / self.lengths[row] } else { 0.0 };
+        let value = |row: usize| held.iter().find(|x| x.0 == row).map_or(0.0, |x| part(row, x.1));
+        let equations: Vec<&[f64]> = kept.iter().map(|&i| self.rows.row(i)).collect();
+        let mut normals = Matrix::new(least.len(), self.nv);
+        for (i, (side, _)) in least.iter().enumerate() {
+            let row = self.rows.row(side.row);
+            normals.row_mut(i).iter_mut().zip(row).for_each(|(to, x)| *to = side.sign * x);
+        }
+        let polyhedron = Polyhedron {
+            equations: match equations.is_empty() {
+                true => Matrix::new(0, self.nv),
+                false => Matrix::from_rows(&equations),
+            },
+            values: kept.iter().map(|&i| value(i)).collect(),
+            least: least.iter().map(|(side, x)| part(side.row, *x)).collect(),
+            normals,
+        };
+        let x = polyhedron.nearest(from).map_err(|e| {
+            let names: Vec<&str> = least.iter().map(|x| &*self.names[x.0.row]).collect();
+            failed(self.t, format!("the contacts that are closed here cannot all hold ({}): {e}", names.join(", ")))
+        })?;
+        // rows left out as dependent agree with the others, or nothing can
+        let size = dense::dot(&x, &x).sqrt().max(dense::dot(from, from).sqrt());
+        for &(row, wanted) in held {
+            let off = (dense::dot(self.rows.row(row), &x) - part(row, wanted)).abs();
+            if off > tolerance::WORST_ROUNDING * size.max(part(row, wanted).abs()) {
+                let message = format!(
+                    "\"{}\" cannot be as it should from here on: the other constraints of this instant contradict it; \
+                     release one of them, or choose other rates",
+                    self.names[row]
+                );
+                return Err(failed(self.t, message));
+            }
+        }
+        let mut multipliers = vec![0.0; self.lengths.len()];
+        let active: Vec<usize> = (0..least.len())
+            .filter(|&i| {
+                let slack = dense::dot(polyhedron.normals.row(i), &x) - polyhedron.least[i];
+                slack <= tolerance::LONG_ROUNDING * size
+            })
+            .map(|i| least[i].0.row)
+            .collect();
+        let loaded = self.independent(&[kept, active].concat());
+        let m = loaded.len();
+        let mut gram: Vec<f64> =
+            (0..m * m).map(|e| dense::dot(self.rows.row(loaded[e / m]), self.rows.row(loaded[e % m]))).collect();
+        let moved: Vec<f64> = x.iter().zip(from).map(|(x, from)| x - from).collect();
+        let mut along: Vec<f64> = loaded.iter().map(|&i| dense::dot(self.rows.row(i), &moved)).collect();
+        if dense::cholesky(&mut gram, m).is_ok() {
+            dense::cholesky_solve(&gram, m, &mut along);
+            loaded.iter().zip(&along).for_each(|(&i, x)| multipliers[i] = x / self.lengths[i]);
+        }
+        Ok((x, multipliers))
+    }
+
+    /// Velocities after the impulses with which these rows get to these rates, and the one-sided ones do not close
+    /// further.
+    ///
+    /// # Errors
+    /// Where conditions contradict each other.
+    pub fn velocities(&self, held: &[(usize, f64)], sides: &[OneSided]) -> Result<Reached, AnalysisError> {
+        let held: Vec<(usize, f64)> = held.iter().map(|&(row, rate)| (row, rate - self.a[row])).collect();
+        let least: Vec<(OneSided, f64)> = sides
+            .iter()
+            .map(|&side| {
+                let bounce = side.restitution * self.rate(side).min(0.0);
+                (side, -bounce - side.sign * self.a[side.row])
+            })
+            .collect();
+        let (x, multipliers) = self.nearest(&self.x, &held, &least)?;
+        let energy = 0.5 * (dense::dot(&x, &x) - dense::dot(&self.x, &self.x));
+        let mut v = x;
+        dense::cholesky_backward(&self.l, self.nv, &mut v);
+        Ok(Reached { v, multipliers, energy })
+    }
+
+    /// Accelerations with these rows held, and the forces of those on one side that press.
+    ///
+    /// # Errors
+    /// As [`velocities`](Self::velocities).
+    pub fn accelerations(&self, held: &[usize], sides: &[OneSided]) -> Result<Reached, AnalysisError> {
+        let held: Vec<(usize, f64)> = held.iter().map(|&row| (row, -self.b[row])).collect();
+        let least: Vec<(OneSided, f64)> = sides.iter().map(|&side| (side, -side.sign * self.b[side.row])).collect();
+        let (x, multipliers) = self.nearest(&self.h, &held, &least)?;
+        let mut v = x;
+        dense::cholesky_backward(&self.l, self.nv, &mut v);
+        Ok(Reached { v, multipliers, energy: f64::NAN })
+    }
+
+    /// The rate of a one-sided gap: negative where it closes.
+    pub fn rate(&self, side: OneSided) -> f64 {
+        let row = side.row;
+        side.sign * (self.lengths[row] * dense::dot(self.rows.row(row), &self.x) + self.a[row])
+    }
+
+    /// The fastest that it may be at these speeds.
+    pub fn fastest(&self, side: OneSided) -> f64 {
+        self.lengths[side.row] * dense::dot(&self.x, &self.x).sqrt() + self.a[side.row].abs()
+    }
+
+    /// The largest second derivative that these forces may give it.
+    pub fn strongest(&self, side: OneSided) -> f64 {
+        self.lengths[side.row] * dense::dot(&self.h, &self.h).sqrt() + self.b[side.row].abs()
+    }
+
+    /// Its second derivative at these accelerations.
+    pub fn growth(&self, side: OneSided, vdot: &[f64]) -> f64 {
+        let (row, x) = (side.row, self.to_metric(vdot));
+        side.sign * (self.lengths[row] * dense::dot(self.rows.row(row), &x) + self.b[row])
+    }
+}

@@ -1,0 +1,635 @@
+//! Runs made of segments: between two of them velocities jump, or other rows act. Each segment is a run of its own of the
+//! mechanism with the rows that act in it; all have the coordinates of the whole mechanism.
+
+use super::impact::{Impact, OneSided, Reached};
+use super::{Request, Run};
+use crate::error::AnalysisError;
+use partita_integrate::simulate::{Observe, Outcome, Status};
+use partita_math::tolerance;
+use partita_model::Model;
+use partita_system::event::{Event, EventFunctions, MotionState, Occurrence};
+use partita_system::positions::turns;
+use partita_system::prelude::*;
+use partita_system::record::Output;
+use partita_system::watched::Reading;
+use partita_system::SystemError;
+use serde::Deserialize;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Changes without progress that are made at one instant. Reason: of contacts and locks each changes once or twice.
+const MOST_AT_ONCE: usize = 50;
+
+/// What is done at an event.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub enum Action {
+    /// The drive of this name holds from there on.
+    Lock(String),
+    /// It does not hold any more.
+    Release(String),
+    /// What these drives prescribe gets these rates.
+    Rates(Vec<(String, f64)>),
+    /// What is followed may not pass the value, that of this drive.
+    Stop {
+        /// The drive that holds while the contact presses.
+        drive: String,
+        /// 1 where the function of the event stays positive, −1 where it stays negative.
+        sign: f64,
+        /// e.
+        restitution: f64,
+    },
+}
+
+/// A run whose events act.
+pub struct Plan {
+    /// The mechanism with all drives that may hold.
+    pub model: Arc<Model>,
+    /// The names of those that do not always hold.
+    pub switched: Vec<String>,
+    /// Those among them that hold at the start.
+    pub locked: Vec<String>,
+    /// Events, what each does, and their functions.
+    pub events: Vec<Event>,
+    /// See `events`.
+    pub actions: Vec<Vec<Action>>,
+    /// See `events`.
+    pub functions: Box<dyn EventFunctions>,
+    /// How many may occur.
+    pub most: usize,
+}
+
+/// What happened at an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Something passed a value.
+    Crossing,
+    /// A stop was hit.
+    Impact,
+    /// It stays closed.
+    Rest,
+    /// It opens without an impact.
+    LiftOff,
+    /// Infinitely many impacts, of which the rest is over in no time.
+    Accumulation,
+    /// Something is held.
+    Lock,
+    /// It is no longer held.
+    Release,
+    /// Rates were set.
+    Rates,
+}
+
+impl Kind {
+    /// In a word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Crossing => "crossing",
+            Self::Impact => "impact",
+            Self::Rest => "rest",
+            Self::LiftOff => "lift-off",
+            Self::Accumulation => "accumulation",
+            Self::Lock => "lock",
+            Self::Release => "release",
+            Self::Rates => "rates",
+        }
+    }
+}
+
+/// An event with both sides of it.
+#[derive(Clone, Debug)]
+pub struct Happening {
+    /// Number of the event.
+    pub event: usize,
+    /// What happened.
+    pub kind: Kind,
+    /// Whether its function rose through zero.
+    pub rises: bool,
+    /// The state before.
+    pub before: Output,
+    /// Velocities after.
+    pub after: Vec<f64>,
+    /// Impulses along all rows of the whole mechanism; empty where there are none.
+    pub impulses: Vec<f64>,
+    /// Loss of kinetic energy.
+    pub energy_lost: f64,
+}
+
+/// A part of a run.
+pub struct Segment {
+    /// The mechanism with the rows that act.
+    pub model: Arc<Model>,
+    /// The row of the whole mechanism that each of its rows is.
+    pub rows: Vec<usize>,
+    /// The run.
+    pub run: Run,
+}
+
+/// A run made of segments.
+pub struct Segments {
+    /// In the order of time.
+    pub all: Vec<Segment>,
+    /// What happened.
+    pub happenings: Vec<Happening>,
+    /// How the last one ended; those of the segments have counts of work alone.
+    pub outcome: Outcome,
+}
+
+impl Segments {
+    fn new(mut all: Vec<Segment>, happenings: Vec<Happening>) -> Self {
+        let mut outcome = Outcome::nothing();
+        if let Some(last) = all.last_mut() {
+            outcome.counters = last.run.outcome.counters;
+            std::mem::swap(&mut outcome, &mut last.run.outcome);
+        }
+        Self { all, happenings, outcome }
+    }
+}
+
+/// Functions that several segments follow one after the other.
+#[derive(Clone, Debug)]
+struct Shared(Arc<Mutex<Box<dyn EventFunctions>>>);
+
+impl EventFunctions for Shared {
+    fn read(&mut self, at: &MotionState, out: &mut [Reading]) -> Result<(), SystemError> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).read(at, out)
+    }
+    fn accept(&mut self, t: f64) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).accept(t);
+    }
+}
+
+/// The force of a contact that is closed, positive while it presses.
+#[derive(Clone, Debug)]
+struct Pressing {
+    row: usize,
+    sign: f64,
+    /// Time and force where the motion stands, and where they were read since.
+    last: Option<(f64, f64)>,
+    read: Vec<(f64, f64)>,
+}
+
+/// The functions of the events, and the forces of the contacts that are closed.
+#[derive(Debug)]
+struct WithContacts {
+    inner: Shared,
+    count: usize,
+    contacts: Vec<Pressing>,
+}
+
+impl EventFunctions for WithContacts {
+    fn read(&mut self, at: &MotionState, out: &mut [Reading]) -> Result<(), SystemError> {
+        self.inner.read(at, &mut out[..self.count])?;
+        for (x, out) in self.contacts.iter_mut().zip(&mut out[self.count..]) {
+            let force = x.sign * at.multipliers[x.row];
+            let rate = x.last.filter(|last| last.0 < at.t).map_or(0.0, |last| (force - last.1) / (at.t - last.0));
+            x.read.push((at.t, force));
+            *out = Reading::new(force, rate);
+        }
+        Ok(())
+    }
+    fn accept(&mut self, t: f64) {
+        self.inner.accept(t);
+        for x in &mut self.contacts {
+            x.last = x.read.iter().rev().find(|read| read.0 == t).copied().or(x.last);
+            x.read.clear();
+        }
+    }
+    fn reads_forces(&self) -> bool {
+        !self.contacts.is_empty()
+    }
+}
+
+/// A stop: its event, its row in the whole mechanism, its law, and the size of what it bounds.
+#[derive(Clone, Debug)]
+struct StopOf {
+    event: usize,
+    drive: String,
+    side: OneSided,
+    size: f64,
+}
+
+/// Which rows act.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct Mode {
+    /// Drives that hold in both directions.
+    locked: BTreeSet<String>,
+    /// Stops that press, by their numbers.
+    pressing: BTreeSet<usize>,
+}
+
+/// The whole of a run while it is made.
+struct Maker<'p> {
+    plan: &'p Plan,
+    functions: Shared,
+    stops: Vec<StopOf>,
+    /// Rows of the whole mechanism by the names of drives.
+    rows: BTreeMap<String, usize>,
+    /// Rows that always act.
+    always: Vec<usize>,
+    /// Models of modes that acted before.
+    models: BTreeMap<Mode, (Arc<Model>, Vec<usize>)>,
+    /// How often each event has occurred.
+    count: Vec<u64>,
+    happenings: Vec<Happening>,
+}
+
+fn refuse(message: String) -> AnalysisError {
+    AnalysisError::Argument { argument: "events", message }
+}
+
+impl<'p> Maker<'p> {
+    fn new(plan: &'p mut Plan) -> Result<(Self, Mode), AnalysisError> {
+        struct Nothing;
+        impl std::fmt::Debug for Nothing {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("Nothing")
+            }
+        }
+        impl EventFunctions for Nothing {
+            fn read(&mut self, _: &MotionState, _: &mut [Reading]) -> Result<(), SystemError> {
+                Ok(())
+            }
+            fn accept(&mut self, _: f64) {}
+        }
+        let functions = Shared(Arc::new(Mutex::new(std::mem::replace(&mut plan.functions, Box::new(Nothing)))));
+        let plan = &*plan;
+        let rows: BTreeMap<String, usize> =
+            plan.model.drives().iter().map(|drive| (drive.name.clone(), drive.row)).collect();
+        let switched: BTreeSet<usize> = plan.switched.iter().filter_map(|name| rows.get(name).copied()).collect();
+        let always = (0..plan.model.size().rows).filter(|row| !switched.contains(row)).collect();
+        let known = |name: &String| {
+            let row = rows.get(name).copied();
+            row.ok_or_else(|| refuse(format!("there is no drive \"{name}\" that an event could hold")))
+        };
+        let mut stops = Vec::new();
+        for (event, actions) in plan.actions.iter().enumerate() {
+            for action in actions {
+                if let Action::Stop { drive, sign, restitution } = action {
+                    let side = OneSided { row: known(drive)?, sign: *sign, restitution: *restitution };
+                    let size = plan.model.natural_size_of_drive(drive);
+                    stops.push(StopOf { event, drive: drive.clone(), side, size });
+                }
+            }
+        }
+        let mode = Mode { locked: plan.locked.iter().cloned().collect(), pressing: BTreeSet::new() };
+        let count = vec![0; plan.events.len()];
+        let maker =
+            Self { plan, functions, stops, rows, always, models: BTreeMap::new(), count, happenings: Vec::new() };
+        Ok((maker, mode))
+    }
+
+    /// The mechanism in a mode, and the row of the whole one that each of its rows is. Made once.
+    fn model(&mut self, mode: &Mode) -> Result<(Arc<Model>, Vec<usize>), AnalysisError> {
+        if let Some(found) = self.models.get(mode) {
+            return Ok(found.clone());
+        }
+        let pressing: BTreeSet<&String> = mode.pressing.iter().map(|&i| &self.stops[i].drive).collect();
+        let holds = |name: &str| {
+            let switched = self.plan.switched.iter().any(|x| x == name);
+            !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned())
+        };
+        let made = Arc::new(self.plan.model.with_drives(&holds)?);
+        // all rows but those of drives keep their order
+        let whole = &self.plan.model.structure().rows;
+        let of_others: Vec<usize> = (0..whole.len()).filter(|&i| !whole[i].is_drive).collect();
+        let names: BTreeMap<usize, String> = made.drives().iter().map(|d| (d.row, d.name.clone())).collect();
+        let mut others = of_others.into_iter();
+        let rows: Option<Vec<usize>> = (0..made.size().rows)
+            .map(|row| match names.get(&row) {
+                Some(name) => self.rows.get(name).copied(),
+                None => others.next(),
+            })
+            .collect();
+        let rows = rows.ok_or_else(|| refuse("a drive that events hold is not one of the mechanism".into()))?;
+        let found = (made, rows);
+        self.models.insert(mode.clone(), found.clone());
+        Ok(found)
+    }
+
+    /// The segment in a mode from a state on.
+    fn segment(
+        &mut self,
+        mode: &Mode,
+        request: &Request,
+        times: &[f64],
+        now: &Output,
+        watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Segment, AnalysisError> {
+        let (model, rows) = self.model(mode)?;
+        let observe = self.observe(mode, &model);
+        let run = super::observed(&*model, request, None, times, (&now.q, &now.v), Some(observe), watch)?;
+        Ok(Segment { model, rows, run })
+    }
+
+    /// What finds the events of a segment in a mode.
+    fn observe(&self, mode: &Mode, model: &Model) -> Observe {
+        let mut events = Vec::with_capacity(self.plan.events.len());
+        for (i, event) in self.plan.events.iter().enumerate() {
+            let left = |x: u64| x.saturating_sub(self.count[i]);
+            let mut event = Event { most: left(event.most), last: event.last.map(left), ..event.clone() };
+            if !self.plan.actions[i].is_empty() && event.most > 0 {
+                event.last = Some(1);
+            }
+            let stops = self.stops.iter().enumerate().filter(|x| x.1.event == i);
+            for (s, stop) in stops {
+                event.side = Some(stop.side.sign > 0.0);
+                if mode.pressing.contains(&s) {
+                    event.most = 0; // its force is followed instead
+                }
+            }
+            events.push(event);
+        }
+        let count = events.len();
+        let mut contacts = Vec::new();
+        for &s in &mode.pressing {
+            let stop = &self.stops[s];
+            let row = model.drives().iter().find(|d| d.name == stop.drive).map_or(0, |d| d.row);
+            contacts.push(Pressing { row, sign: stop.side.sign, last: None, read: Vec::new() });
+            let name = format!("{} opens", self.plan.events[stop.event].name);
+            events.push(Event { name, last: Some(1), most: 1, side: Some(true), ..Event::default() });
+        }
+        let functions = Box::new(WithContacts { inner: self.functions.clone(), count, contacts });
+        Observe { events, functions, most: self.plan.most.saturating_sub(self.happenings.len()) }
+    }
+
+    /// The stops that are closed at a state.
+    fn closed(&mut self, state: &MotionState) -> Result<Vec<usize>, AnalysisError> {
+        let mut readings = vec![Reading::default(); self.plan.events.len()];
+        self.functions.read(state, &mut readings)?;
+        let mut closed = Vec::new();
+        for (i, stop) in self.stops.iter().enumerate() {
+            let gap = stop.side.sign * readings[stop.event].x;
+            if gap < -tolerance::OPEN * stop.size {
+                return Err(refuse(format!(
+                    "at t = {} s the mechanism is beyond the stop of event \"{}\", by {}; start on its other side, or \
+                     move the stop",
+                    state.t,
+                    self.plan.events[stop.event].name,
+                    partita_math::formatted(-gap)
+                )));
+            }
+            if gap <= tolerance::CLOSED_IN_RUN * stop.size {
+                closed.push(i);
+            }
+        }
+        Ok(closed)
+    }
+
+    /// Count what occurred, and note what only observes.
+    fn note(&mut self, occurred: &[Occurrence]) {
+        let known = self.count.len();
+        for x in occurred.iter().filter(|x| x.event < known) {
+            self.count[x.event] += 1;
+            if self.plan.actions[x.event].is_empty() {
+                self.happenings.push(Happening {
+                    event: x.event,
+                    kind: Kind::Crossing,
+                    rises: x.rises,
+                    before: x.state.clone(),
+                    after: x.state.v.clone(),
+                    impulses: Vec::new(),
+                    energy_lost: 0.0,
+                });
+            }
+        }
+    }
+
+    /// Whether one of these events ends the run.
+    fn ends(&self, occurred: &[Occurrence]) -> bool {
+        let own = occurred.iter().filter(|x| x.event < self.count.len());
+        own.into_iter().any(|x| self.plan.events[x.event].last == Some(self.count[x.event]))
+    }
+
+    /// The last events, in words.
+    fn latest(&self) -> String {
+        let words = self.happenings.iter().rev().take(4).rev();
+        let words = words.map(|x| format!("\"{}\" ({})", self.plan.events[x.event].name, x.kind.word()));
+        words.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Carry out actions at a state: the next mode and the velocities there.
+    fn change(
+        &mut self,
+        mode: &Mode,
+        before: &Output,
+        occurred: &[Occurrence],
+    ) -> Result<(Mode, Vec<f64>, f64), AnalysisError> {
+        let t = before.t;
+        let q: Vec<f64> = before.q.iter().zip(&before.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
+        let mut next = mode.clone();
+        let mut set: Vec<(usize, f64)> = Vec::new();
+        let mut done: Vec<(usize, bool, Kind)> = Vec::new();
+        for x in occurred {
+            let Some(actions) = self.plan.actions.get(x.event) else { continue };
+            for action in actions {
+                match action {
+                    Action::Lock(name) => {
+                        if next.locked.insert(name.clone()) {
+                            done.push((x.event, x.rises, Kind::Lock));
+                        }
+                    }
+                    Action::Release(name) => {
+                        if next.locked.remove(name) {
+                            done.push((x.event, x.rises, Kind::Release));
+                        }
+                    }
+                    Action::Rates(rates) => {
+                        for (name, rate) in rates {
+                            let row = self.rows.get(name).copied();
+                            let row = row.ok_or_else(|| refuse(format!("there is no drive \"{name}\"")))?;
+                            set.push((row, *rate));
+                        }
+                        done.push((x.event, x.rises, Kind::Rates));
+                    }
+                    Action::Stop { .. } => {}
+                }
+            }
+        }
+        let (v, vdot) = (before.v.clone(), vec![0.0; before.v.len()]);
+        let state = MotionState { t, q: q.clone(), v, vdot, multipliers: Vec::new() };
+        let closed = self.closed(&state)?;
+        let impact = Impact::new(&self.plan.model, t, &q, &before.v)?;
+        let mut held: Vec<(usize, f64)> = self.always.iter().map(|&row| (row, 0.0)).collect();
+        held.extend(next.locked.iter().filter_map(|name| self.rows.get(name)).map(|&row| (row, 0.0)));
+        held.extend(&set);
+        let rows: Vec<usize> = held[..held.len() - set.len()].iter().map(|x| x.0).collect();
+        let Settled { reached, pressing, accumulated } = self.settled((t, &q), &impact, (&held, &rows), &closed)?;
+        let Reached { v, multipliers, energy } = reached;
+        for &i in &closed {
+            let stop = &self.stops[i];
+            let rises = stop.side.sign < 0.0;
+            if impact.rate(stop.side) < -tolerance::SOLUTION_ROUNDING * impact.fastest(stop.side) {
+                done.push((stop.event, rises, Kind::Impact));
+            }
+            match (mode.pressing.contains(&i), pressing.contains(&i)) {
+                (false, true) => done.push((stop.event, rises, Kind::Rest)),
+                (true, false) => done.push((stop.event, !rises, Kind::LiftOff)),
+                _ => {}
+            }
+        }
+        next.pressing = pressing;
+        let moved = |(a, b): (&f64, &f64)| (a - b).abs() > tolerance::ROUNDING * a.abs().max(b.abs());
+        let jumps = v.iter().zip(&before.v).any(moved);
+        let (v, mut lost, impulses) = match jumps {
+            true => (v, -energy, multipliers),
+            false => (before.v.clone(), 0.0, Vec::new()),
+        };
+        let energy = -lost;
+        for (event, rises, kind) in done {
+            let own = matches!(kind, Kind::Impact | Kind::Lock | Kind::Rates);
+            let impulses = if own { impulses.clone() } else { Vec::new() };
+            let energy_lost = if own { std::mem::take(&mut lost) } else { 0.0 };
+            let (before, after) = (before.clone(), v.clone());
+            self.happenings.push(Happening { event, kind, rises, before, after, impulses, energy_lost });
+        }
+        if let Some((i, rest)) = accumulated {
+            let mut at = Output { v: v.clone(), ..before.clone() };
+            at.t += rest;
+            self.happenings.push(Happening {
+                event: self.stops[i].event,
+                kind: Kind::Accumulation,
+                rises: self.stops[i].side.sign < 0.0,
+                before: at,
+                after: v.clone(),
+                impulses: Vec::new(),
+                energy_lost: 0.0,
+            });
+        }
+        Ok((next, v, energy))
+    }
+
+    /// Velocities after an instant and the stops that press from there on; `held` are rows with their rates and `rows`
+    /// those that act afterwards.
+    fn settled(
+        &self,
+        (t, q): (f64, &[f64]),
+        impact: &Impact,
+        (held, rows): (&[(usize, f64)], &[usize]),
+        closed: &[usize],
+    ) -> Result<Settled, AnalysisError> {
+        let mut sides: Vec<OneSided> = closed.iter().map(|&i| self.stops[i].side).collect();
+        let mut accumulated = None;
+        loop {
+            let reached = impact.velocities(held, &sides)?;
+            let after = Impact::new(&self.plan.model, t, q, &reached.v)?;
+            let slow = |side: &OneSided| after.rate(*side) <= tolerance::SOLUTION_ROUNDING * after.fastest(*side);
+            let resting: Vec<OneSided> = sides.iter().copied().filter(slow).collect();
+            let pushed = after.accelerations(rows, &resting)?;
+            // one that comes back at once, and hardly leaves, stays
+            let falls = |&i: &usize| {
+                let (side, size) = (sides[i], self.stops[closed[i]].size);
+                let (rate, growth) = (after.rate(side), after.growth(side, &pushed.v));
+                let low = growth < 0.0 && rate * rate <= -2.0 * growth * tolerance::CLOSED * size;
+                !slow(&side) && low && side.restitution > 0.0 && side.restitution < 1.0
+            };
+            let fallen: Vec<usize> = (0..sides.len()).filter(falls).collect();
+            for &i in &fallen {
+                let side = sides[i];
+                let tail = -2.0 * after.rate(side) / after.growth(side, &pushed.v) / (1.0 - side.restitution);
+                accumulated = Some((closed[i], tail));
+                sides[i].restitution = 0.0;
+            }
+            if fallen.is_empty() {
+                let presses = |&i: &usize| {
+                    let side = sides[i];
+                    let still = tolerance::SOLUTION_ROUNDING * after.strongest(side);
+                    let touches = after.growth(side, &pushed.v) <= still;
+                    slow(&side) && touches && side.sign * pushed.multipliers[side.row] >= 0.0
+                };
+                let pressing = (0..sides.len()).filter(presses).map(|i| closed[i]).collect();
+                return Ok(Settled { reached, pressing, accumulated });
+            }
+        }
+    }
+}
+
+/// What follows from an instant.
+struct Settled {
+    reached: Reached,
+    /// The stops that press.
+    pressing: BTreeSet<usize>,
+    /// One whose infinitely many impacts are over so soon.
+    accumulated: Option<(usize, f64)>,
+}
+
+/// Integrate a mechanism whose events act.
+///
+/// # Errors
+/// See [`run`](super::run()); where a later segment cannot begin the run ends there instead.
+pub fn in_segments(
+    mut plan: Plan,
+    request: &Request,
+    t_eval: &[f64],
+    (q, v): (&[f64], &[f64]),
+    watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+) -> Result<Segments, AnalysisError> {
+    let (mut maker, mode) = Maker::new(&mut plan)?;
+    let zero = vec![0; q.len()];
+    let mut now = Output { t: request.t0, q: q.to_vec(), v: v.to_vec(), turns: zero, ..Output::default() };
+    let (mut mode, first, energy) = maker.change(&mode, &now, &[])?;
+    now.v = first;
+    let (mut work, mut bytes, mut at_once) = (energy, request.step_bytes, 0);
+    let mut all: Vec<Segment> = Vec::new();
+    loop {
+        let own = Request { t0: now.t, step_bytes: bytes, ..request.clone() };
+        let times = &t_eval[t_eval.partition_point(|t| *t < now.t)..];
+        let mut segment = match maker.segment(&mode, &own, times, &now, watch) {
+            Ok(segment) => segment,
+            Err(error) => return stopped(all, maker.happenings, now.t, error),
+        };
+        let run = &mut segment.run;
+        bytes = bytes.saturating_sub(run.log.steps.as_ref().map_or(0, |steps| steps.0.bytes()));
+        run.log.outputs.iter_mut().for_each(|x| x.work += work);
+        run.occurrences.iter_mut().for_each(|x| x.state.work += work);
+        maker.note(&run.occurrences);
+        let last = run.occurrences.last().map(|x| x.state.clone());
+        let Some(last) = last.filter(|_| run.outcome.status == Status::Event) else {
+            all.push(segment);
+            return Ok(Segments::new(all, maker.happenings));
+        };
+        let occurred: Vec<Occurrence> = run.occurrences.iter().filter(|x| x.state.t == last.t).cloned().collect();
+        let changed = maker.change(&mode, &last, &occurred);
+        let over = maker.ends(&occurred) || last.t >= request.t_end;
+        if !over && changed.is_ok() {
+            run.log.outputs.retain(|x| x.t < last.t);
+        }
+        all.push(segment);
+        let (next, after, energy) = match changed {
+            Ok(changed) => changed,
+            Err(error) => return stopped(all, maker.happenings, last.t, error),
+        };
+        if over {
+            return Ok(Segments::new(all, maker.happenings));
+        }
+        at_once = if last.t == now.t { at_once + 1 } else { 0 };
+        if at_once > MOST_AT_ONCE {
+            let message = format!(
+                "events change what holds without end: {}; let one of them act only once (once=True), or in one direction",
+                maker.latest()
+            );
+            return stopped(all, maker.happenings, last.t, refuse(message));
+        }
+        work = last.work + energy;
+        let whole = last.q.iter().zip(&last.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
+        now = Output { t: last.t, q: whole, v: after, ..Output::default() };
+        mode = next;
+    }
+}
+
+/// A run that cannot go on at t.
+fn stopped(
+    mut all: Vec<Segment>,
+    happenings: Vec<Happening>,
+    t: f64,
+    error: AnalysisError,
+) -> Result<Segments, AnalysisError> {
+    let Some(last) = all.last_mut() else { return Err(error) };
+    let outcome = &mut last.run.outcome;
+    (outcome.status, outcome.message) = (Status::EvaluationFailed, format!("stopped at t = {t:.6} s: {error}"));
+    if let AnalysisError::System(error) = error {
+        outcome.error = Some(error);
+    }
+    Ok(Segments::new(all, happenings))
+}

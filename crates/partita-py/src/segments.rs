@@ -1,0 +1,223 @@
+//! Runs made of segments, for Python.
+
+use crate::arrays::entries_of;
+use crate::events::{EventList, Events};
+use crate::failure;
+use crate::outputs::{assessed, described, watched};
+use crate::run::{carried_out, reported, whole, Account, Ended, Read, Reported, RunLog, Stopping};
+use numpy::PyReadonlyArray1;
+use partita_analysis::run::segments::{in_segments, Action, Happening, Plan, Segment, Segments};
+use partita_analysis::run::{Assessed, Balance, Described, Finding, Request, SolutionLog};
+use partita_integrate::counters::Counters;
+use partita_integrate::march::StepReader;
+use partita_integrate::step_log::StepLog;
+use partita_model::Model;
+use partita_system::prelude::*;
+use partita_system::record::{FormulationCounters, Gaps, Output};
+use partita_system::Size;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use serde::Deserialize;
+use std::sync::Arc;
+
+/// What events do, as the Python package writes it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    switched: Vec<String>,
+    locked: Vec<String>,
+    actions: Vec<Vec<Action>>,
+}
+
+/// A segment with what describes its outputs.
+struct Part {
+    run: RunLog<Model>,
+    rows: Vec<usize>,
+}
+
+/// The segments of a run, of a mechanism with all rows.
+struct SegmentsLog {
+    whole: Arc<Model>,
+    parts: Vec<Part>,
+    shared: bool,
+}
+
+impl SegmentsLog {
+    fn outputs(&self) -> impl Iterator<Item = &Output> {
+        self.parts.iter().flat_map(|part| &part.run.log.outputs)
+    }
+
+    fn count(&self) -> usize {
+        self.outputs().count()
+    }
+}
+
+impl Reported for SegmentsLog {
+    fn describe<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let size = self.whole.size();
+        let mut all = Vec::with_capacity(self.parts.len());
+        let mut findings: Vec<Finding> = Vec::new();
+        for part in &self.parts {
+            let (log, system) = (&part.run.log, &part.run.system);
+            let found = watched(py, |watch| log.describe::<Model>(system, self.shared, watch))?;
+            findings.extend(log.judge(&**system, &found));
+            all.push(found);
+        }
+        let k = all.iter().map(|x| x.k).max().unwrap_or(0);
+        let mut one = Described {
+            vdot: Vec::new(),
+            multipliers: Vec::new(),
+            independent: Vec::new(),
+            closure: Vec::new(),
+            velocity_closure: Vec::new(),
+            k,
+            notes: Vec::new(),
+            gaps: Gaps::default(),
+        };
+        for (part, found) in self.parts.iter().zip(all) {
+            let (nt, own) = (part.run.log.outputs.len(), part.rows.len());
+            one.vdot.extend(found.vdot);
+            for i in 0..nt {
+                let mut row = vec![0.0; size.rows];
+                let from = &found.multipliers[i * own..(i + 1) * own];
+                part.rows.iter().zip(from).for_each(|(&to, x)| row[to] = *x);
+                one.multipliers.extend(row);
+                one.independent.extend_from_slice(&found.independent[i * found.k..(i + 1) * found.k]);
+                one.independent.extend((found.k..k).map(|_| f64::NAN));
+            }
+            one.closure.extend(found.closure);
+            one.velocity_closure.extend(found.velocity_closure);
+            one.notes.extend(found.notes);
+        }
+        let d = described(py, self.count(), size, one)?;
+        d.set_item("findings", reported(&findings))?;
+        Ok(d)
+    }
+    fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let mut one =
+            Assessed { measure: Vec::new(), sigma: Vec::new(), sqrt_mu: Vec::new(), selector: Vec::new() };
+        for part in &self.parts {
+            let (log, system) = (&part.run.log, &part.run.system);
+            let found = watched(py, |watch| log.assess::<Model>(system, self.shared, watch))?;
+            one.measure.extend(found.measure);
+            one.sigma.extend(found.sigma);
+            one.sqrt_mu.extend(found.sqrt_mu);
+        }
+        assessed(py, self.count(), self.whole.size(), one)
+    }
+    fn partitions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let all = PyList::empty(py);
+        for part in &self.parts {
+            for item in part.run.partitions(py)? {
+                all.append(item)?;
+            }
+        }
+        Ok(all)
+    }
+    fn work(&self) -> Vec<f64> {
+        let outputs: Vec<Output> = self.outputs().cloned().collect();
+        let mut work: Vec<f64> = outputs.iter().map(|x| x.work).collect();
+        let counted = self.whole.counted_potential(&outputs).unwrap_or_default();
+        let first = counted.first().copied().unwrap_or_default();
+        work.iter_mut().zip(counted).for_each(|(to, x)| *to += x - first);
+        work
+    }
+    fn read(&self, take: &mut dyn FnMut(&SolutionLog, &mut StepReader) -> Read) -> Read {
+        self.parts.first().map_or(Ok(()), |part| part.run.read(take))
+    }
+    fn steps(&self) -> Vec<&StepLog> {
+        self.parts.iter().flat_map(|part| part.run.steps()).collect()
+    }
+    fn size(&self) -> Size {
+        self.whole.size()
+    }
+    fn at(&self, t: f64) -> &dyn Reported {
+        let begins = |part: &Part| part.run.steps().first().and_then(|steps| steps.span()).map(|span| span.0);
+        // at an instant where velocities jump the state is that after it
+        let found = self.parts.iter().rev().find(|part| begins(part).is_some_and(|begin| begin <= t));
+        match found.or(self.parts.first()) {
+            Some(part) => &part.run,
+            None => self,
+        }
+    }
+    fn is_divided(&self) -> bool {
+        true
+    }
+}
+
+/// Number of an event, what happened, whether its function rises, time, coordinates, velocities before and after, impulses
+/// along the rows and the energy lost.
+type Happened = (usize, &'static str, bool, f64, Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>, f64);
+
+fn happened(x: &Happening) -> Happened {
+    let (before, q) = (&x.before, whole(&x.before).collect());
+    let (v, after, impulses) = (before.v.clone(), x.after.clone(), x.impulses.clone());
+    (x.event, x.kind.word(), x.rises, before.t, q, v, after, impulses, x.energy_lost)
+}
+
+/// Integrate a mechanism whose events act, as `run` does, and return the dictionary of results.
+pub fn run<'py>(
+    py: Python<'py>,
+    model: &Arc<Model>,
+    request: &Request,
+    t_eval: &PyReadonlyArray1<'py, f64>,
+    (q, v): (&[f64], &[f64]),
+    (events, acts): (EventList, &str),
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let t_eval = entries_of(t_eval);
+    let Written { switched, locked, actions } =
+        serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
+    let observe = Events::new(events)?.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
+    let plan = Plan {
+        model: model.clone(),
+        switched,
+        locked,
+        events: observe.events,
+        actions,
+        functions: observe.functions,
+        most: observe.most,
+    };
+    let go = |watch: Stopping| in_segments(plan, request, &t_eval, (q, v), watch);
+    let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;
+    reported_segments(py, model, found, cause)
+}
+
+fn reported_segments<'py>(
+    py: Python<'py>,
+    model: &Arc<Model>,
+    found: Segments,
+    cause: Option<PyErr>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let Segments { all, happenings, outcome } = found;
+    let mut notes: Vec<String> = Vec::new();
+    for note in all.iter().flat_map(|segment| &segment.run.notes) {
+        if !notes.contains(note) {
+            notes.push(note.clone());
+        }
+    }
+    let findings: Vec<Finding> = all.iter().flat_map(|segment| segment.run.findings.clone()).collect();
+    let (mut counters, mut work) = (Counters::default(), FormulationCounters::default());
+    let (mut open, mut gaps, mut exchanged) = ((0.0f64, 0.0f64), Gaps::default(), 0.0);
+    for Segment { run, .. } in &all {
+        counters = counters + run.outcome.counters;
+        work.add(&run.counters);
+        open = (open.0.max(run.closure_error.0), open.1.max(run.closure_error.1));
+        gaps.raise(&run.gaps);
+        exchanged += run.exchanged;
+    }
+    let shared = !model.equations().calls_functions();
+    let ended = Ended {
+        outputs: all.iter().flat_map(|segment| &segment.run.log.outputs).collect(),
+        notes: &notes,
+        findings: &findings,
+        outcome: &outcome,
+    };
+    let d = ended.reported(py, model.size(), cause)?;
+    d.set_item("happenings", happenings.iter().map(happened).collect::<Vec<_>>())?;
+    let part = |Segment { model, rows, run }: Segment| Part { run: RunLog::new(model, run.log, shared), rows };
+    let log = SegmentsLog { whole: model.clone(), parts: all.into_iter().map(part).collect(), shared };
+    let gaps = (gaps.position.part, gaps.velocity.part);
+    d.set_item("log", Account::new(Box::new(log), (counters, work), (open, gaps), exchanged).into_pyobject(py)?)?;
+    Ok(d)
+}
