@@ -66,6 +66,20 @@ enum Term {
 /// x, x' and x''.
 type Course = [f64; 3];
 
+/// x and x' of a term, and the size of what x is the sum of.
+#[derive(Clone, Copy, Debug)]
+struct Value {
+    x: f64,
+    rate: f64,
+    size: f64,
+}
+
+impl Value {
+    fn new(x: f64, rate: f64) -> Self {
+        Self { x, rate, size: x.abs() }
+    }
+}
+
 /// A measure, and what is known about its whole turns.
 #[derive(Debug)]
 struct Followed<G: Space<S = f64>> {
@@ -163,6 +177,8 @@ pub struct Formulas<S> {
     terms: Vec<Term>,
     measures: Box<dyn Measures>,
     courses: Vec<Course>,
+    /// Natural sizes of the measures.
+    natural: Vec<f64>,
     /// When the first reading was made: functions may not be defined before.
     start: Option<f64>,
     /// Memory for a state beside.
@@ -193,7 +209,8 @@ impl Formulas<Model> {
             Engine::Planar(_) => Box::new(FollowedIn::<Planar<f64>>::new(model.clone(), in_plane, &measures)?),
             Engine::Full => Box::new(FollowedIn::<Spatial<f64>>::new(model.clone(), |m| &m.own.full, &measures)?),
         };
-        Ok(Self::with(model, functions, formulas, terms, (followed, measures.len())))
+        let natural = measures.iter().map(|(measure, _)| model.natural_size(measure)).collect();
+        Ok(Self::with(model, functions, formulas, terms, (followed, natural)))
     }
 }
 
@@ -218,7 +235,7 @@ impl<S: ConstrainedSystem> Formulas<S> {
         let mut measures = Vec::new();
         let terms = numbered_all(formulas, &*functions, &mut measures)?;
         match measures.first() {
-            None => Ok(Self::with(system, functions, formulas, terms, (Box::new(NoMeasures), 0))),
+            None => Ok(Self::with(system, functions, formulas, terms, (Box::new(NoMeasures), Vec::new()))),
             Some((_, name)) => {
                 let message = "a system given by matrices has no joints and no measures; give a function f(t, state)";
                 Err(DescriptionError::new("event", name, message))
@@ -231,16 +248,17 @@ impl<S: ConstrainedSystem> Formulas<S> {
         functions: Arc<dyn Functions>,
         formulas: &[(String, Formula)],
         terms: Vec<Term>,
-        (measures, count): (Box<dyn Measures>, usize),
+        (measures, natural): (Box<dyn Measures>, Vec<f64>),
     ) -> Self {
         let size = system.size();
         let (q, v, dv) = (vec![0.0; size.nq], vec![0.0; size.nv], vec![0.0; size.nv]);
         let names = formulas.iter().map(|x| x.0.clone()).collect();
-        Self { system, functions, names, terms, measures, courses: vec![[0.0; 3]; count], start: None, q, v, dv }
+        let courses = vec![[0.0; 3]; natural.len()];
+        Self { system, functions, names, terms, measures, courses, natural, start: None, q, v, dv }
     }
 
     /// x and x' of a function of the user, which is called at the state and shortly before.
-    fn called(&mut self, i: usize, name: &str, at: &MotionState) -> Result<Course, SystemError> {
+    fn called(&mut self, i: usize, name: &str, at: &MotionState) -> Result<Value, SystemError> {
         let failed = |source| SystemError::Function { what: format!("event \"{name}\""), source };
         let x = self.functions.scalar(i, at.t, &at.q, &at.v).map_err(failed)?;
         let fastest = self.system.travel(&at.v).max(self.system.travel(&at.vdot).sqrt());
@@ -253,40 +271,47 @@ impl<S: ConstrainedSystem> Formulas<S> {
         }
         self.system.step(&mut self.q, &self.dv);
         let beside = self.functions.scalar(i, at.t + h, &self.q, &self.v).map_err(failed)?;
-        Ok([x, (beside - x) / h, 0.0])
+        Ok(Value { x, rate: (beside - x) / h, size: x.abs().max(beside.abs()) })
     }
 
-    fn course(&mut self, term: &Term, name: &str, at: &MotionState) -> Result<Course, SystemError> {
-        let product = |[x, dx, _]: Course, [y, dy, _]: Course| [x * y, x * dy + y * dx, 0.0];
+    fn value(&mut self, term: &Term, name: &str, at: &MotionState) -> Result<Value, SystemError> {
         Ok(match term {
-            Term::Number(x) => [*x, 0.0, 0.0],
-            Term::Time => [at.t, 1.0, 0.0],
-            Term::Position(i) => self.courses[*i],
-            Term::Velocity(i) => [self.courses[*i][1], self.courses[*i][2], 0.0],
+            Term::Number(x) => Value::new(*x, 0.0),
+            Term::Time => Value::new(at.t, 1.0),
+            Term::Position(i) => {
+                let [x, rate, _] = self.courses[*i];
+                Value { x, rate, size: x.abs().max(self.natural[*i]) }
+            }
+            Term::Velocity(i) => {
+                let [_, x, rate] = self.courses[*i];
+                Value { x, rate, size: x.abs().max(self.natural[*i] * self.system.travel(&at.v)) }
+            }
             Term::Call(i) => self.called(*i, name, at)?,
             Term::Sum(parts) => {
-                let mut sum = [0.0; 3];
+                let mut sum = Value::new(0.0, 0.0);
                 for part in parts {
-                    let [x, dx, _] = self.course(part, name, at)?;
-                    sum = [sum[0] + x, sum[1] + dx, 0.0];
+                    let part = self.value(part, name, at)?;
+                    sum = Value { x: sum.x + part.x, rate: sum.rate + part.rate, size: sum.size + part.size };
                 }
                 sum
             }
             Term::Product(parts) => {
-                let mut found = [1.0, 0.0, 0.0];
+                let mut product = Value::new(1.0, 0.0);
                 for part in parts {
-                    found = product(found, self.course(part, name, at)?);
+                    let (a, b) = (product, self.value(part, name, at)?);
+                    let size = (a.size * b.x.abs()).max(a.x.abs() * b.size);
+                    product = Value { x: a.x * b.x, rate: a.x * b.rate + b.x * a.rate, size };
                 }
-                found
+                product
             }
             Term::Quotient(parts) => {
-                let [x, dx, _] = self.course(&parts[0], name, at)?;
-                let [y, dy, _] = self.course(&parts[1], name, at)?;
-                [x / y, (dx - x / y * dy) / y, 0.0]
+                let (a, b) = (self.value(&parts[0], name, at)?, self.value(&parts[1], name, at)?);
+                let x = a.x / b.x;
+                Value { x, rate: (a.rate - x * b.rate) / b.x, size: (a.size + x.abs() * b.size) / b.x.abs() }
             }
             Term::Norm(part) => {
-                let [x, dx, _] = self.course(part, name, at)?;
-                [x.abs(), if x < 0.0 { -dx } else { dx }, 0.0]
+                let part = self.value(part, name, at)?;
+                Value { x: part.x.abs(), rate: if part.x < 0.0 { -part.rate } else { part.rate }, ..part }
             }
         })
     }
@@ -349,11 +374,12 @@ impl<S: ConstrainedSystem + Send + Sync> EventFunctions for Formulas<S> {
         let (terms, names) = (std::mem::take(&mut self.terms), std::mem::take(&mut self.names));
         let mut read = || {
             for ((out, term), name) in out.iter_mut().zip(&terms).zip(&names) {
-                let [x, rate, _] = self.course(term, name, at)?;
+                let Value { x, rate, size } = self.value(term, name, at)?;
                 if !x.is_finite() {
                     return Err(SystemError::NotFinite { what: format!("event \"{name}\""), t: at.t });
                 }
-                *out = Reading::new(x, if rate.is_finite() { rate } else { 0.0 });
+                let rate = if rate.is_finite() { rate } else { 0.0 };
+                *out = Reading { x, rate, terms: size, ..Reading::default() };
             }
             Ok(())
         };

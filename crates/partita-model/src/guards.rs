@@ -9,7 +9,7 @@ use partita_system::watched::{Guard, Reading};
 
 /// The reading of a value and its rate, where the value moves at no more than `speed`.
 fn reading(x: f64, rate: f64, speed: f64) -> Reading {
-    Reading { x, rate, apart: x.abs(), speed }
+    Reading { x, rate, apart: x.abs(), speed, terms: 0.0 }
 }
 
 impl<G: Space<S = f64>> Element<G> {
@@ -44,7 +44,7 @@ impl<G: Space<S = f64>> Element<G> {
         match self {
             Self::Contact(e) => {
                 let [x, rate, gap, speed] = e.gap(at);
-                out[0] = Reading { x, rate, apart: gap.abs(), speed };
+                out[0] = Reading { x, rate, apart: gap.abs(), speed, terms: 0.0 };
                 1
             }
             Self::TwoPoint(e) => {

@@ -5,12 +5,12 @@ mod rest;
 
 use crate::arrays::{array, vector};
 use crate::events::{observing, EventList};
-use crate::segments;
 use crate::failure::{self, guarded, raise};
 use crate::functions::Callables;
 use crate::motion::{with_motion, Motion};
 use crate::program;
 use crate::run::{self, ClosedStates, Options};
+use crate::segments;
 use crate::state::{self, Array};
 use crate::summary::summary;
 use crate::tangent::TangentFunctions;

@@ -94,8 +94,7 @@ impl Reported for SegmentsLog {
         Ok(d)
     }
     fn assess<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let mut one =
-            Assessed { measure: Vec::new(), sigma: Vec::new(), sqrt_mu: Vec::new(), selector: Vec::new() };
+        let mut one = Assessed { measure: Vec::new(), sigma: Vec::new(), sqrt_mu: Vec::new(), selector: Vec::new() };
         for part in &self.parts {
             let (log, system) = (&part.run.log, &part.run.system);
             let found = watched(py, |watch| log.assess::<Model>(system, self.shared, watch))?;

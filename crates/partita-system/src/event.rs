@@ -39,8 +39,8 @@ pub struct Event {
     pub last: Option<u64>,
     /// The number of occurrences that are reported.
     pub most: u64,
-    /// The side, positive or not, on which its function is at the start, where that is not told by its value: one that may
-    /// not leave it crosses zero wherever it does.
+    /// The side, positive or not, that its function never leaves: it is there at the start of every step, whatever rounding
+    /// makes of its value.
     pub side: Option<bool>,
 }
 

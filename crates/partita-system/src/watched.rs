@@ -27,6 +27,8 @@ pub struct Reading {
     pub apart: f64,
     /// Largest speed at which that can change, while the rates of the mechanism stay as they are.
     pub speed: f64,
+    /// Size of the terms of which a function of an event is the sum: what it is rounded to.
+    pub terms: f64,
 }
 
 impl Reading {

@@ -73,7 +73,8 @@ impl Impact {
         model.velocity(t, q, v, &mut s, &mut b)?;
         model.dynamics(t, q, v, &mut s, &mut l, &mut h)?;
         dense::cholesky(&mut l, n).map_err(|_| {
-            let message = "velocities change abruptly here, but bodies without mass can move along: give every body a mass";
+            let message =
+                "velocities change abruptly here, but bodies without mass can move along: give every body a mass";
             failed(t, message.into())
         })?;
         let mut rows = Matrix::new(size.rows, n);
@@ -158,7 +159,7 @@ impl Impact {
         let active: Vec<usize> = (0..least.len())
             .filter(|&i| {
                 let slack = dense::dot(polyhedron.normals.row(i), &x) - polyhedron.least[i];
-                slack <= tolerance::LONG_ROUNDING * size
+                slack <= tolerance::EQUAL * size
             })
             .map(|i| least[i].0.row)
             .collect();

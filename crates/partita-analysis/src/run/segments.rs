@@ -185,7 +185,7 @@ impl EventFunctions for WithContacts {
             let force = x.sign * at.multipliers[x.row];
             let rate = x.last.filter(|last| last.0 < at.t).map_or(0.0, |last| (force - last.1) / (at.t - last.0));
             x.read.push((at.t, force));
-            *out = Reading::new(force, rate);
+            *out = Reading { x: force, rate, terms: force.abs(), ..Reading::default() };
         }
         Ok(())
     }
@@ -268,7 +268,8 @@ impl<'p> Maker<'p> {
             for action in actions {
                 if let Action::Stop { drive, sign, restitution } = action {
                     let side = OneSided { row: known(drive)?, sign: *sign, restitution: *restitution };
-                    let size = plan.model.natural_size_of_drive(drive);
+                    let measured = plan.model.spec.drives.iter().find(|x| x.name == *drive);
+                    let size = measured.map_or(1.0, |x| plan.model.natural_size(&x.measure));
                     stops.push(StopOf { event, drive: drive.clone(), side, size });
                 }
             }
@@ -510,36 +511,41 @@ impl<'p> Maker<'p> {
         closed: &[usize],
     ) -> Result<Settled, AnalysisError> {
         let mut sides: Vec<OneSided> = closed.iter().map(|&i| self.stops[i].side).collect();
+        let mut stays = vec![false; sides.len()];
         let mut accumulated = None;
         loop {
             let reached = impact.velocities(held, &sides)?;
             let after = Impact::new(&self.plan.model, t, q, &reached.v)?;
-            let slow = |side: &OneSided| after.rate(*side) <= tolerance::SOLUTION_ROUNDING * after.fastest(*side);
-            let resting: Vec<OneSided> = sides.iter().copied().filter(slow).collect();
+            for (stays, side) in stays.iter_mut().zip(&sides) {
+                *stays |= after.rate(*side) <= tolerance::EQUAL * after.fastest(*side);
+            }
+            let resting: Vec<OneSided> = sides.iter().zip(&stays).filter(|x| *x.1).map(|x| *x.0).collect();
             let pushed = after.accelerations(rows, &resting)?;
             // one that comes back at once, and hardly leaves, stays
-            let falls = |&i: &usize| {
+            let low = |&i: &usize| {
                 let (side, size) = (sides[i], self.stops[closed[i]].size);
                 let (rate, growth) = (after.rate(side), after.growth(side, &pushed.v));
-                let low = growth < 0.0 && rate * rate <= -2.0 * growth * tolerance::CLOSED * size;
-                !slow(&side) && low && side.restitution > 0.0 && side.restitution < 1.0
+                !stays[i] && growth < 0.0 && rate * rate <= -2.0 * growth * tolerance::CLOSED * size
             };
-            let fallen: Vec<usize> = (0..sides.len()).filter(falls).collect();
-            for &i in &fallen {
-                let side = sides[i];
-                let tail = -2.0 * after.rate(side) / after.growth(side, &pushed.v) / (1.0 - side.restitution);
-                accumulated = Some((closed[i], tail));
-                sides[i].restitution = 0.0;
-            }
+            let fallen: Vec<usize> = (0..sides.len()).filter(low).collect();
             if fallen.is_empty() {
                 let presses = |&i: &usize| {
-                    let side = sides[i];
-                    let still = tolerance::SOLUTION_ROUNDING * after.strongest(side);
-                    let touches = after.growth(side, &pushed.v) <= still;
-                    slow(&side) && touches && side.sign * pushed.multipliers[side.row] >= 0.0
+                    let still = tolerance::EQUAL * after.strongest(sides[i]);
+                    stays[i]
+                        && after.growth(sides[i], &pushed.v) <= still
+                        && sides[i].sign * pushed.multipliers[sides[i].row] >= 0.0
                 };
                 let pressing = (0..sides.len()).filter(presses).map(|i| closed[i]).collect();
                 return Ok(Settled { reached, pressing, accumulated });
+            }
+            for i in fallen {
+                let side = sides[i];
+                if 0.0 < side.restitution && side.restitution < 1.0 {
+                    let next = -2.0 * after.rate(side) / after.growth(side, &pushed.v);
+                    let tail = next / (1.0 - side.restitution);
+                    accumulated = accumulated.or((t + tail > t).then_some((closed[i], tail)));
+                }
+                (stays[i], sides[i].restitution) = (true, 0.0);
             }
         }
     }

@@ -32,12 +32,10 @@ pub(crate) struct EventWatch {
     events: Vec<Event>,
     /// How often each has occurred.
     count: Vec<u64>,
-    /// The largest value of each function so far: what it is rounded to.
+    /// The largest terms of each function so far: what it is rounded to.
     size: Vec<f64>,
     /// The longest step so far.
     longest: f64,
-    /// When the integration began.
-    begins: Option<f64>,
     /// The zeros of the concluded step that count, in the order of time.
     zeros: Vec<Zero>,
     /// Occurrences allowed.
@@ -95,7 +93,7 @@ impl EventWatch {
     /// A reading of event e that is zero as far as it, motions and times are known.
     fn small(&self, e: usize, track: &Track, at: &Sample) -> f64 {
         let rate = at.readings[track.count() + e].rate.abs();
-        tolerance::SUM_ROUNDING * self.size[e] + self.resolution(at.t) * rate
+        tolerance::ROUNDING * self.size[e] + self.resolution(at.t) * rate
     }
 
     /// Its side before and after an instant.
@@ -120,8 +118,7 @@ impl EventWatch {
         let samples = track.samples();
         for (i, ends) in samples.windows(2).enumerate() {
             for e in (0..self.events.len()).filter(|&e| self.count[e] < self.events[e].most) {
-                let starts = i == 0 && self.begins == Some(ends[0].t);
-                let given = self.events[e].side.filter(|_| starts && self.is_zero(e, track, &ends[0]));
+                let given = self.events[e].side.filter(|_| i == 0);
                 let after = given.unwrap_or(self.sides(e, track, &ends[0]).1);
                 let small = [self.small(e, track, &ends[0]), self.small(e, track, &ends[1])];
                 let (function, felt) = (track.count() + e, Felt::Nowhere);
@@ -134,7 +131,7 @@ impl EventWatch {
                 }
                 // one at the start of the step belongs to the step before
                 let (before, after) = self.sides(e, track, &ends[1]);
-                if before != after && self.moves(e, track, ends) {
+                if before != after && (self.events[e].side.is_some() || self.moves(e, track, ends)) {
                     self.zeros.push(Zero { t: ends[1].t, event: e, rises: after });
                 }
             }
@@ -201,11 +198,10 @@ impl Watch for EventWatch {
     fn look(&mut self, step: &mut StepView) -> Result<Look, StepFailure<SystemError>> {
         let (from, to) = step.ends();
         self.longest = self.longest.max(to - from);
-        self.begins.get_or_insert(from);
         if let ([from, ..], [.., to]) = (step.track.samples(), step.track.samples()) {
             let first = step.track.count();
             for (size, (a, b)) in self.size.iter_mut().zip(from.readings.iter().zip(&to.readings).skip(first)) {
-                *size = size.max(a.x.abs()).max(b.x.abs());
+                *size = size.max(a.terms).max(b.terms);
             }
         }
         loop {

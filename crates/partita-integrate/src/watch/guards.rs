@@ -216,7 +216,7 @@ mod tests {
     }
 
     fn at(x: f64, rate: f64, speed: f64) -> Reading {
-        Reading { x, rate, apart: x.abs(), speed }
+        Reading { x, rate, apart: x.abs(), speed, terms: 0.0 }
     }
 
     fn crossed(look: Crossed) -> (f64, bool) {
@@ -231,7 +231,7 @@ mod tests {
         move |t| {
             let (x, v) = (10.0 * t - 50.0, 10.0);
             let d2 = x * x + b * b;
-            Reading { x: 0.5 * (d2 - 1.0), rate: x * v, apart: (d2.sqrt() - 1.0).abs(), speed: v }
+            Reading { x: 0.5 * (d2 - 1.0), rate: x * v, apart: (d2.sqrt() - 1.0).abs(), speed: v, terms: 0.0 }
         }
     }
 
@@ -266,7 +266,13 @@ mod tests {
                 let d2 = 1.0 + pin * pin - 2.0 * pin * (angle - centre).cos();
                 let x = (d2 - r * r) / (2.0 * r);
                 let speed = 0.5 * (rate.abs() + swing * w);
-                Reading { x, rate: pin * (angle - centre).sin() * rate / r, apart: (d2.sqrt() - r).abs(), speed }
+                Reading {
+                    x,
+                    rate: pin * (angle - centre).sin() * rate / r,
+                    apart: (d2.sqrt() - r).abs(),
+                    speed,
+                    terms: 0.0,
+                }
             };
             let h = (chance(0.2, 2.0) / swing).min(3.0) / w;
             let least = (0..=500).map(|i| read(h * f64::from(i) / 500.0).x).fold(f64::INFINITY, f64::min);

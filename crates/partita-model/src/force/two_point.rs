@@ -194,7 +194,7 @@ impl<G: Space<S = f64>> TwoPoint<G> {
         let rate = -apart.dot(moving) / length;
         let speed = at.fastest(self.b.attachment.link, b) + at.fastest(self.a.attachment.link, a);
         let sign = if corner.farther { 1.0 } else { -1.0 };
-        Reading { x: sign * gap, rate: sign * rate, apart: (length - apart.norm()).abs(), speed }
+        Reading { x: sign * gap, rate: sign * rate, apart: (length - apart.norm()).abs(), speed, terms: 0.0 }
     }
 }
 

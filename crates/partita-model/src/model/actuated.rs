@@ -77,16 +77,11 @@ impl Model {
         self.with_rows(self.spec.drives.iter().cloned().chain(more).collect(), &[])
     }
 
-    /// The size of what a drive prescribes: 1 for angles and cosines, the characteristic length for others.
-    pub fn natural_size_of_drive(&self, name: &str) -> f64 {
-        let drive = self.spec.drives.iter().find(|drive| drive.name == name);
-        let is_length = drive.is_some_and(|drive| {
-            !matches!(drive.measure, Measure::Cosine { .. }) && !is_angle(&self.own.placed, &drive.measure)
-        });
-        if is_length {
-            self.length()
-        } else {
-            1.0
+    /// The natural size of a measure: 1 for angles and cosines, the characteristic length for others.
+    pub fn natural_size(&self, measure: &Measure) -> f64 {
+        match matches!(measure, Measure::Cosine { .. }) || is_angle(&self.own.placed, measure) {
+            true => 1.0,
+            false => self.length(),
         }
     }
 
