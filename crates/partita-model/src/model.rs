@@ -69,6 +69,8 @@ pub struct Model {
     spare: Arc<Spare>,
     /// The mechanism itself, where its drives were replaced by actuators.
     mechanism: Option<Arc<Model>>,
+    /// The mechanism without the drives that do not always hold.
+    permanent: Option<Arc<Model>>,
 }
 
 mod actuated;
@@ -398,6 +400,7 @@ impl Model {
             varied: OnceLock::new(),
             spare: Arc::default(),
             mechanism: None,
+            permanent: None,
         };
         model.dense_projection = model.dense_is_cheaper();
         if !model.own.placed.massless.is_empty() && !model.is_short_of_mass() {

@@ -307,14 +307,25 @@ impl Motion {
     /// conditions).
     fn determined<'py>(&self, py: Python<'py>) -> PyResult<[Flags<'py>; 4]> {
         self.of_states(py, |m, states| {
-            let (nt, nj) = (states.len(), m.spec.joints.len());
+            let (nt, nj, part) = (states.len(), m.spec.joints.len(), m.permanent());
             let dof = m.zero_position().joints.iter().map(|p| p.shape.dof()).sum();
-            let mut found = watched(py, |watch| determined::flags(m, states, watch))?.into_iter();
-            let mut next = |shape: &[usize]| {
-                shaped(py, shape, found.next().unwrap_or_default().into_iter().map(|x| x != 0.0).collect())
-            };
-            let conditions = m.size().rows - m.closing_rows;
-            Ok([next(&[nt, nj, 6]), next(&[nt, nj, 6]), next(&[nt, dof]), next(&[nt, conditions])])
+            let mut found = watched(py, |watch| determined::flags(part, states, watch))?.into_iter();
+            let mut next = || found.next().unwrap_or_default().into_iter().map(|x| x != 0.0).collect::<Vec<bool>>();
+            let (world, own, efforts, of_part) = (next(), next(), next(), next());
+            // those of drives that do not always hold are determined where they do
+            let (first, rows) = (m.closing_rows, m.rows_of(part));
+            let (all, known) = (m.size().rows - first, part.size().rows - first);
+            let mut conditions = vec![true; nt * all];
+            for i in 0..nt {
+                let row = &of_part[i * known..(i + 1) * known];
+                rows[first..].iter().zip(row).for_each(|(&to, x)| conditions[i * all + to - first] = *x);
+            }
+            Ok([
+                shaped(py, &[nt, nj, 6], world),
+                shaped(py, &[nt, nj, 6], own),
+                shaped(py, &[nt, dof], efforts),
+                shaped(py, &[nt, all], conditions),
+            ])
         })
     }
 
@@ -323,7 +334,7 @@ impl Motion {
     fn self_stresses<'py>(&self, py: Python<'py>, joint: usize) -> PyResult<Array<'py>> {
         self.of_states(py, |m, states| {
             known(py, &[joint], m.spec.joints.len(), "joint")?;
-            let found = watched(py, |watch| determined::directions(m, states, joint, watch))?;
+            let found = watched(py, |watch| determined::directions(m.permanent(), states, joint, watch))?;
             assert_eq!(found.len(), DIRECTIONS * states.len());
             Ok(array(py, &[states.len(), 2, 3, 3], found))
         })
@@ -335,9 +346,15 @@ impl Motion {
         self.of_states(py, |m, states| {
             known(py, &[i], states.len(), "output")?;
             let (t, q, _) = states.at(m, i);
-            let found = sharing::self_stresses(m, t, q).map_err(|e| failure::analysis(py, e))?;
+            let part = m.permanent();
+            let found = sharing::self_stresses(part, t, q).map_err(|e| failure::analysis(py, e))?;
             let wrenches = array(py, &[found.count, m.spec.joints.len(), 6], found.wrenches);
-            Ok((wrenches, array(py, &[found.count, m.spec.drives.len()], found.efforts), found.length))
+            let (own, all) = (part.spec.drives.len(), m.spec.drives.len());
+            let mut efforts = vec![0.0; found.count * all];
+            for i in 0..found.count {
+                efforts[i * all..][..own].copy_from_slice(&found.efforts[i * own..][..own]);
+            }
+            Ok((wrenches, array(py, &[found.count, all], efforts), found.length))
         })
     }
 }

@@ -20,15 +20,25 @@ pub fn checks(model: &Model, states: &States, forces: &Forces, watch: Watch) -> 
     let worst = |values: &mut dyn Iterator<Item = f64>| {
         values.enumerate().fold((f64::NAN, f64::NAN), |m, (i, x)| if x.abs() <= m.0 { m } else { (x.abs(), i as f64) })
     };
+    let switched: Vec<bool> = {
+        let always = model.rows_of(model.permanent());
+        (0..model.size().rows).map(|row| !always.contains(&row)).collect()
+    };
     let row = |i: usize, levels: &mut Levels<Model>, rows: &mut Rows| {
-        let ((t, q, v), (vdot, _)) = (states.at(model, i), forces.at(model, i));
+        let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
         levels.velocity(t, q, v)?;
         let along = |r: usize| pattern.row(r).map(|e| levels.c[e] * vdot[pattern.col_idx[e]]).sum::<f64>();
         let finite = vdot.iter().all(|x| x.is_finite());
-        let violation = |r: usize| if finite { along(r) + levels.b[r] } else { f64::NAN };
+        // a drive that does not hold asks for nothing
+        let holds = |r: usize| !switched[r] || lambda[r] != 0.0;
+        let violation = |r: usize| match (finite, holds(r)) {
+            (true, true) => along(r) + levels.b[r],
+            (true, false) => 0.0,
+            (false, _) => f64::NAN,
+        };
         let (acceleration, at) = worst(&mut (0..pattern.rows).map(violation));
-        let (_, phi) = worst(&mut levels.phi.iter().copied());
-        let (rank, smallest) = match rank_here(model, t, q) {
+        let (_, phi) = worst(&mut levels.phi.iter().enumerate().map(|(r, x)| if holds(r) { *x } else { 0.0 }));
+        let (rank, smallest) = match rank_here(model.permanent(), t, q) {
             Ok(found) => (found.rank as f64, found.smallest),
             Err(SystemError::Singular { .. } | SystemError::Mass { .. }) => (f64::NAN, 0.0),
             Err(other) => return Err(other.into()),

@@ -30,7 +30,23 @@ fn reference<'a>(model: &Model, states: &States<'a>, forces: &Forces) -> Option<
 /// # Errors
 /// Where the mechanism cannot be compiled in space.
 pub fn shares(model: &Model, states: &States, forces: &Forces) -> Result<bool, AnalysisError> {
-    with_rule_for_loads(model, reference(model, states, forces), |rule| Ok(rule.is_some()))
+    with_rule_for_loads(model.permanent(), reference(model, states, forces), |rule| Ok(rule.is_some()))
+}
+
+/// Distribute undetermined reactions; drives that do not always hold take no part in that.
+fn share(
+    model: &Model,
+    rule: &Rule,
+    (t, q): (f64, &[f64]),
+    joints: &mut [Wrench],
+    lambda: &mut [f64],
+    memory: &mut SharingScratch,
+) -> Result<(), AnalysisError> {
+    let rows = model.rows_of(model.permanent());
+    let mut own: Vec<f64> = rows.iter().map(|&row| lambda[row]).collect();
+    rule.share(t, q, joints, &mut own, memory)?;
+    rows.iter().zip(own).for_each(|(&row, x)| lambda[row] = x);
+    Ok(())
 }
 
 /// Scratch memory of a thread: that of the model, and that of the rule where there is one.
@@ -55,7 +71,7 @@ pub fn reaction(
     watch: Watch,
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let dof = model.shape(j).dof();
-    with_rule_for_loads(model, reference(model, states, forces), |rule| {
+    with_rule_for_loads(model.permanent(), reference(model, states, forces), |rule| {
         let part = if rule.is_some() { model.whole().clone() } else { model.equations().part_of_reaction(j) };
         let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
@@ -65,7 +81,7 @@ pub fn reaction(
                     let mut joints =
                         model.equations().reactions_of(&part, t, q, v, vdot, lambda, s.equations())?.joints;
                     let mut shared = lambda.to_vec();
-                    rule.share(t, q, &mut joints, &mut shared, memory)?;
+                    share(model, rule, (t, q), &mut joints, &mut shared, memory)?;
                     drives = model.equations().drive_of(j, &shared);
                     joints[j]
                 }
@@ -95,14 +111,14 @@ pub fn reactions(
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let (whole, nj) = (model.whole(), model.spec.joints.len());
     let dof: usize = model.zero_position().joints.iter().map(|p| p.shape.dof()).sum();
-    with_rule_for_loads(model, reference(model, states, forces), |rule| {
+    with_rule_for_loads(model.permanent(), reference(model, states, forces), |rule| {
         let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut r = model.equations().reactions_of(whole, t, q, v, vdot, lambda, s.equations())?;
             let mut shared = lambda.to_vec();
             if let (Some(rule), Some(memory)) = (rule, memory) {
                 let mut joints = r.joints.clone();
-                rule.share(t, q, &mut joints, &mut shared, memory)?;
+                share(model, rule, (t, q), &mut joints, &mut shared, memory)?;
                 let change: Vec<f64> = shared.iter().zip(lambda).map(|(x, y)| x - y).collect();
                 model.equations().replace_reactions(&mut r, &joints, (t, q, &change), s.evaluated())?;
                 for d in model.drives() {
@@ -140,12 +156,12 @@ pub fn augmented(
     watch: Watch,
 ) -> Result<Vec<Vec<f64>>, AnalysisError> {
     let nj = model.spec.joints.len();
-    with_rule_for_loads(model, reference(model, states, forces), |rule| {
+    with_rule_for_loads(model.permanent(), reference(model, states, forces), |rule| {
         let row = |i: usize, (s, memory): &mut (ModelScratch, Option<SharingScratch>), rows: &mut Rows| {
             let ((t, q, v), (vdot, lambda)) = (states.at(model, i), forces.at(model, i));
             let mut joints = model.augmented_reactions(t, q, v, vdot, lambda, s)?;
             if let (Some(rule), Some(memory)) = (rule, memory) {
-                rule.share(t, q, &mut joints, &mut lambda.to_vec(), memory)?;
+                share(model, rule, (t, q), &mut joints, &mut lambda.to_vec(), memory)?;
             }
             write(rows, i, &joints);
             Ok(())

@@ -292,18 +292,7 @@ impl<'p> Maker<'p> {
             !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned())
         };
         let made = Arc::new(self.plan.model.with_drives(&holds)?);
-        // all rows but those of drives keep their order
-        let whole = &self.plan.model.structure().rows;
-        let of_others: Vec<usize> = (0..whole.len()).filter(|&i| !whole[i].is_drive).collect();
-        let names: BTreeMap<usize, String> = made.drives().iter().map(|d| (d.row, d.name.clone())).collect();
-        let mut others = of_others.into_iter();
-        let rows: Option<Vec<usize>> = (0..made.size().rows)
-            .map(|row| match names.get(&row) {
-                Some(name) => self.rows.get(name).copied(),
-                None => others.next(),
-            })
-            .collect();
-        let rows = rows.ok_or_else(|| refuse("a drive that events hold is not one of the mechanism".into()))?;
+        let rows = self.plan.model.rows_of(&made);
         let found = (made, rows);
         self.models.insert(mode.clone(), found.clone());
         Ok(found)
@@ -576,16 +565,17 @@ pub fn in_segments(
     let mut now = Output { t: request.t0, q: q.to_vec(), v: v.to_vec(), turns: zero, ..Output::default() };
     let (mut mode, first, energy) = maker.change(&mode, &now, &[])?;
     now.v = first;
-    let (mut work, mut bytes, mut at_once) = (energy, request.step_bytes, 0);
+    let (mut work, mut bytes, mut at_once, mut exchanged) = (energy, request.step_bytes, 0, 0.0);
     let mut all: Vec<Segment> = Vec::new();
     loop {
-        let own = Request { t0: now.t, step_bytes: bytes, ..request.clone() };
+        let own = Request { t0: now.t, step_bytes: bytes, exchanged_before: exchanged, ..request.clone() };
         let times = &t_eval[t_eval.partition_point(|t| *t < now.t)..];
         let mut segment = match maker.segment(&mode, &own, times, &now, watch) {
             Ok(segment) => segment,
             Err(error) => return stopped(all, maker.happenings, now.t, error),
         };
         let run = &mut segment.run;
+        exchanged += run.exchanged;
         bytes = bytes.saturating_sub(run.log.steps.as_ref().map_or(0, |steps| steps.0.bytes()));
         run.log.outputs.iter_mut().for_each(|x| x.work += work);
         run.occurrences.iter_mut().for_each(|x| x.state.work += work);

@@ -52,6 +52,8 @@ pub struct Limits {
     pub asked: BalanceOptions,
     /// Absolute tolerance.
     pub atol: f64,
+    /// Energy that was exchanged before.
+    pub exchanged: f64,
 }
 
 impl Limits {
@@ -74,6 +76,7 @@ impl Limits {
             jump: (JUMPS.0.max((tolerance::ERROR_GROWTH * rtol).min(JUMPS_EXPLAINED)), JUMPS.1),
             asked: BalanceOptions { tolerance: rtol, drifts },
             atol: request.atol,
+            exchanged: request.exchanged_before,
         }
     }
 
@@ -298,7 +301,8 @@ fn of_energies<S: Balance>(
     let at =
         some.iter().zip(energies).map(|(x, (kinetic, potential))| Energy { t: x.t, kinetic, potential, work: x.work });
     let at: Vec<Energy> = at.collect();
-    balance::of_energy(&at, log.limits.asked, steps, exchanged.max(system.energy_floor(log.limits.atol)))
+    let least = exchanged.max(log.limits.exchanged).max(system.energy_floor(log.limits.atol));
+    balance::of_energy(&at, log.limits.asked, steps, least)
 }
 
 /// Steps accepted beyond the tolerance: reported where no singular position explains them.

@@ -16,6 +16,7 @@ use crate::numbers::Numbers;
 use crate::spec::{Drive, Force, Level, Measure, PointForce, Spec, Value, VectorValue};
 use crate::value;
 use partita_system::SystemError;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 /// A force whose given effort is replaced by that of an actuator: its number, and the component where it has three.
@@ -70,11 +71,29 @@ impl Model {
     ///
     /// # Errors
     /// Where one of them cannot be.
-    pub fn with_more_drives(&self, more: Vec<Drive>) -> Result<Self, DescriptionError> {
+    pub fn with_more_drives(self: &Arc<Self>, more: Vec<Drive>) -> Result<Self, DescriptionError> {
         for drive in &more {
             drivable(drive, &self.own.placed)?;
         }
-        self.with_rows(self.spec.drives.iter().cloned().chain(more).collect(), &[])
+        let mut made = self.with_rows(self.spec.drives.iter().cloned().chain(more).collect(), &[])?;
+        made.permanent = Some(self.clone());
+        Ok(made)
+    }
+
+    /// The mechanism without the drives that do not always hold: what is always determined is determined by it.
+    pub fn permanent(&self) -> &Self {
+        self.permanent.as_deref().unwrap_or(self)
+    }
+
+    /// The row of this model that each row of a model with some of its drives is.
+    pub fn rows_of(&self, part: &Self) -> Vec<usize> {
+        let own: HashMap<&str, usize> = self.own.drives.iter().map(|d| (&*d.name, d.row)).collect();
+        let names: HashMap<usize, &str> = part.own.drives.iter().map(|d| (d.row, &*d.name)).collect();
+        // all rows but those of drives keep their order
+        let rows = &self.structure.rows;
+        let mut others = (0..rows.len()).filter(|&i| !rows[i].is_drive);
+        let row = |i: usize| names.get(&i).and_then(|name| own.get(name).copied()).or_else(|| others.next());
+        (0..part.structure.rows.len()).filter_map(row).collect()
     }
 
     /// The natural size of a measure: 1 for angles and cosines, the characteristic length for others.
