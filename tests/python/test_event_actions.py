@@ -60,9 +60,8 @@ def test_a_latch_that_locks_holds_releases_and_locks_again(coordinates: str, rto
     assert hinge.force[held] == pytest.approx(np.tile([0.0, 39.24, 0.0], (held.sum(), 1)), abs=1e-9)
     # what the lock carries is part of the reaction of the joint
     assert hinge.moment[held, 2] == pytest.approx(15.1674612283241981676, rel=1e-9)
-    assert run.drive("lock of A").effort[
-        ~held & (run.t < 3.1) & ((run.t < 0.68) | (run.t > 2.51))
-    ].tolist() == pytest.approx(0.0)
+    free = (run.t < 0.69) | ((run.t > 2.5) & (run.t < 3.19))
+    assert not run.drive("lock of A").effort[free].any()
     assert run.drive("lock of A").effort[-1, 0] == pytest.approx(-11.2875948808973554, rel=1e-7)
     assert run.certificate.verdict == "valid" and opens.energy_lost == 0.0
     balance = run.energy.total - run.energy.work
@@ -127,7 +126,7 @@ def test_a_slider_crank_that_bounces_until_it_rests(coordinates: str, measured: 
         if lost is not None:
             assert record.energy_lost == pytest.approx(lost, rel=1e-10)
     assert [record.kind for record in run.events][-2:] == ["rest", "accumulation"] and len(hits) > 15
-    assert run.events[-1].t == pytest.approx(ACCUMULATED, rel=1e-9)
+    assert run.events[-1].t == pytest.approx(ACCUMULATED, rel=1e-9 if measured == "joint" else 1e-8)
     resting = run.t > 0.4509
     assert run.drive("stop wall").effort[resting, 0] == pytest.approx(PUSHED, rel=1e-8)
     assert run.joint("S").position.max() < -0.03 + 1e-11
@@ -164,9 +163,7 @@ def test_a_contact_that_rests_ends_when_it_no_longer_presses() -> None:
     ball = m.add_body("ball", mass=1.3, inertia=(1, 1, 1))
     m.add_prismatic("T", m.ground, table, axis=(0, 0, 1))
     m.add_prismatic("z", m.ground, ball, axis=(0, 0, 1))
-    falls = pt.table([0.0, 2.0, 2.0 + 1e-9, 3.0], [0.0, 0.0, -12.0, -12.0], interpolation="linear") if False else None
-    assert falls is None
-    m.add_drive("T", acceleration=([0.0, 2.0, 2.0, 3.0], [0.0, 0.0, -12.0, -12.0]))
+    m.add_drive("T", velocity=([0.0, 2.0, 3.0], [0.0, 0.0, -12.0]))
     gap = pt.Along("table", (0, 0, 0), (0, 0, 1), "ball", (0, 0, 0))
     rest = pt.Event("rest", gap, direction=-1, then=pt.Stop(0.0))
     run = m.simulate(2.5, events=[rest], t_eval=[0.0, 1.0, 1.9, 2.5], **TIGHT)
@@ -246,7 +243,7 @@ def test_a_beam_that_falls_flat_on_three_stops() -> None:
     stops = [
         pt.Event(
             name,
-            pt.Along("ground", (0, 0, 0), (0, 1, 0), "beam", tuple(ends[name].array)),
+            pt.Along("ground", (0, 0, 0), (0, 1, 0), "beam", ends[name]),
             direction=-1,
             then=pt.Stop(0.5),
         )

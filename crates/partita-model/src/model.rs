@@ -20,7 +20,7 @@ use crate::reaction_friction::Following;
 use crate::rotors;
 use crate::rows::{Owner, Row};
 use crate::sparse_mass::MassLayout;
-use crate::spec::{Coupling, JointKind, Measure, Spec};
+use crate::spec::{Coupling, Drive, JointKind, Measure, Spec};
 use crate::topology::TreeEdge;
 use crate::tree::LinkMotion;
 use crate::validate;
@@ -285,6 +285,7 @@ impl Model {
             return Err(DescriptionError::new("mechanism", &spec.name, message));
         }
         names::distinct(&spec, &placed)?;
+        driven_once(&spec.drives)?;
         let drives = drives(&spec, &placed, compile::row_count(&placed))?;
         let numbers = Numbers::new(&spec, &placed);
         Self::made(spec, placed, numbers, drives, functions, coordinates)
@@ -590,22 +591,27 @@ impl Model {
     }
 }
 
+/// Refuse drives that prescribe the same at all times.
+fn driven_once(drives: &[Drive]) -> Result<(), DescriptionError> {
+    for (i, d) in drives.iter().enumerate() {
+        if drives[..i].iter().any(|other| other.measure == d.measure) {
+            let what = match &d.measure {
+                Measure::Joint { joint, .. } => format!("joint \"{joint}\""),
+                _ => "what it drives".into(),
+            };
+            return Err(DescriptionError::new("drive", &d.name, format!("{what} is driven twice")));
+        }
+    }
+    Ok(())
+}
+
 /// The rows of the drives, after `first` closing rows.
 fn drives(spec: &Spec, placed: &Placed, first: usize) -> Result<Vec<DriveRow>, DescriptionError> {
     let mut drives: Vec<DriveRow> = Vec::with_capacity(spec.drives.len());
-    let mut driven: Vec<&Measure> = Vec::new();
     let mut row = first;
     for group in coupling::order(spec, placed)? {
         if let Owner::Drive(i) = group.owner {
             let d = &spec.drives[i];
-            if driven.contains(&&d.measure) {
-                let what = match &d.measure {
-                    Measure::Joint { joint, .. } => format!("joint \"{joint}\""),
-                    _ => "what it drives".into(),
-                };
-                return Err(DescriptionError::new("drive", &d.name, format!("{what} is driven twice")));
-            }
-            driven.push(&d.measure);
             let joint = match &d.measure {
                 Measure::Joint { joint, coordinate } => placed.joint_numbers.get(joint).map(|&j| (j, *coordinate)),
                 _ => None,

@@ -121,10 +121,8 @@ pub fn reactions(
                 share(model, rule, (t, q), &mut joints, &mut shared, memory)?;
                 let change: Vec<f64> = shared.iter().zip(lambda).map(|(x, y)| x - y).collect();
                 model.equations().replace_reactions(&mut r, &joints, (t, q, &change), s.evaluated())?;
-                for d in model.drives() {
-                    if let Some((j, c)) = d.joint {
-                        r.drives[j][c] = shared[d.row];
-                    }
+                for (j, _) in model.drives().iter().filter_map(|d| d.joint) {
+                    r.drives[j] = model.equations().drive_of(j, &shared);
                 }
             }
             rows.row(6, i).copy_from_slice(&shared[model.closing_rows..]);

@@ -7,7 +7,7 @@
 //! The gradient of a measurement is a row of C for a drive and a column of E for an actuator. So an actuated mechanism
 //! has a row for each actuator, whose multiplier is an effort, and which constrains nothing.
 
-use super::{drives, Model};
+use super::{driven_once, drives, Model};
 use crate::compile;
 use crate::error::DescriptionError;
 use crate::freed::Freed;
@@ -53,6 +53,7 @@ impl Model {
         actuators: Vec<Drive>,
         silent: &[Silent],
     ) -> Result<Self, DescriptionError> {
+        driven_once(&actuators)?;
         let mut made = self.with_rows(actuators, silent)?;
         made.mechanism = Some(self.clone());
         Ok(made)

@@ -333,7 +333,7 @@ impl<S: Scalar> Evaluator<S> {
         let mut efforts = vec![S::zero(); self.placed.joints[j].shape.dof()];
         for d in &self.drives {
             match d.joint {
-                Some((joint, coordinate)) if joint == j => efforts[coordinate] = lambda[d.row],
+                Some((joint, coordinate)) if joint == j => efforts[coordinate] += lambda[d.row],
                 _ => {}
             }
         }
@@ -406,7 +406,7 @@ impl<S: Scalar> Evaluator<S> {
         result.drives = self.placed.joints.iter().map(|p| vec![S::zero(); p.shape.dof()]).collect();
         for d in &self.drives {
             if let Some((joint, coordinate)) = d.joint {
-                result.drives[joint][coordinate] = lambda[d.row];
+                result.drives[joint][coordinate] += lambda[d.row];
             }
         }
         Ok(result)
