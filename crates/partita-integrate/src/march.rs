@@ -394,14 +394,17 @@ impl March {
             Control::Free { .. } => MOST_ATTEMPTS,
             Control::Ticks { steps } => ATTEMPTS * steps,
         };
-        while !self.stepper.current().finished() {
+        let mut finished = self.stepper.current().finished();
+        while !finished {
             if let Control::Free { max_steps } = self.control {
-                if self.counters().steps >= max_steps {
+                if self.stepper.counters().steps + self.crossing.counters().steps >= max_steps {
                     return Ok(Status::MaxSteps);
                 }
             }
             self.step(formulation, outputs, &mut attempts)?;
-            if watch(self.stepper.current().t_old).is_break() {
+            let now = self.stepper.current();
+            finished = now.finished();
+            if watch(now.t_old).is_break() {
                 return Ok(Status::Interrupted);
             }
         }
@@ -562,7 +565,6 @@ impl March {
         looked: Result<Look, StepFailure<SystemError>>,
         last: &mut Option<SystemError>,
     ) -> Result<Fate, StepFailure<SystemError>> {
-        let may_shrink = self.active().current().may_shrink;
         match looked {
             Ok(Look::Clear) => return Ok(Fate::Stands),
             Ok(Look::Refuse(t, error)) => return Err(StepFailure::Rhs { t, error }),
@@ -574,11 +576,11 @@ impl March {
             Ok(Look::EndAt { t, corner: false }) => self.active().end_at(t),
             Ok(Look::Repeat(None)) => self.active().reject(0.5),
             Ok(Look::Repeat(why)) => self.repeat(formulation, why)?,
-            Err(StepFailure::Interpolation { error, .. }) if may_shrink => {
+            Err(StepFailure::Interpolation { error, .. }) if self.active().current().may_shrink => {
                 *last = Some(error);
                 self.active().reject(0.5);
             }
-            Err(StepFailure::Rhs { error, .. }) if may_shrink && error.is_local() => {
+            Err(StepFailure::Rhs { error, .. }) if self.active().current().may_shrink && error.is_local() => {
                 *last = Some(error);
                 self.active().reject(0.5);
             }
@@ -620,8 +622,8 @@ impl March {
         if self.lengths == Lengths::Fixed && !end.crosses {
             self.located.forget(); // a touch that no step was made for
         }
-        let t_end = self.stepper.current().t_end;
         let across = self.course == Course::Across;
+        let t_end = if across { self.stepper.current().t_end } else { f64::INFINITY };
         let beyond = across && self.crossing.current().t_new > t_end;
         if beyond {
             self.crossing.interpolate(&mut Adapter::new(formulation), t_end, &mut self.y)?;

@@ -96,14 +96,14 @@ impl Watches {
         let Self { guards, breakpoints, singular, prescribed, times } = self;
         let all: [&mut dyn Watch; 4] = [guards, breakpoints, singular, prescribed];
         for watch in all {
-            match watch.look(step)? {
-                Look::Clear => {}
-                Look::EndAt { t, corner } => {
+            match watch.look(step) {
+                Ok(Look::Clear) => {}
+                Ok(Look::EndAt { t, corner }) => {
                     // at a known time slopes jump
                     let known = times.at(t);
                     return Ok(Look::EndAt { t: known.unwrap_or(t), corner: corner && known.is_none() });
                 }
-                objection => return Ok(objection),
+                objection => return objection,
             }
         }
         Ok(Look::Clear)
