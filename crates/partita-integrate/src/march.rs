@@ -465,7 +465,7 @@ impl March {
         let attempted = self.attempt(formulation);
         let beyond = self.ends_beyond();
         let stepper = self.active();
-        let concluded = attempted.and_then(|()| {
+        let mut concluded = attempted.and_then(|()| {
             stepper.conclude(&mut |t, y, dy, known| {
                 end = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
                     // no shorter step is allowed that could distinguish a jump from a drift
@@ -479,13 +479,12 @@ impl March {
                 Ok(end.evaluated)
             })
         });
-        let concluded = match (concluded, refused) {
-            (Err(StepFailure::TooSmall { t, h, .. }), Some(e)) => Err(StepFailure::TooSmall { t, h, last: Some(e) }),
-            (concluded, refused) => {
-                *last = refused.or(last.take());
-                concluded
+        if refused.is_some() {
+            match &mut concluded {
+                Err(StepFailure::TooSmall { last: why, .. }) => *why = refused,
+                _ => *last = refused,
             }
-        };
+        }
         match concluded {
             Ok(Conclusion::Rejected) => return Ok(None),
             Ok(Conclusion::Done) => {}

@@ -140,7 +140,7 @@ impl StepLog {
             return;
         }
         let Some(choice) = self.choice_of(formulation) else { return };
-        let turns = self.turns_of(turns);
+        let (turns, margins) = (self.turns_of(turns), formulation.step_margins());
         // about as many numbers as the step before
         let block = self.block_for(self.steps.last().map_or(0, |last| last.places().len()));
         let numbers = &mut self.blocks[block];
@@ -155,7 +155,7 @@ impl StepLog {
         self.steps.push(LoggedStep {
             t_old,
             t_new,
-            margins: formulation.step_margins(),
+            margins,
             course,
             choice,
             turns,

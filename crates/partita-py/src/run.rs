@@ -209,7 +209,10 @@ impl Account {
             let mut found = None;
             let read = self.run.read(&mut |log, reader| {
                 let Some((steps, _)) = &log.steps else { return Ok(()) };
-                let at = |x: &Output| (x.t, PyArray1::from_iter(py, whole(x)), PyArray1::from_slice(py, &x.v));
+                let at = |x: &Output| {
+                    let q: Vec<f64> = whole(x).collect();
+                    (x.t, PyArray1::from_slice(py, &q), PyArray1::from_slice(py, &x.v))
+                };
                 found = reader.read(steps, t)?.map(at);
                 Ok(())
             });
