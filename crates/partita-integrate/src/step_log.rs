@@ -5,7 +5,7 @@
 //! kept, then every fourth, and so on.
 
 use partita_system::formulation::{ChoiceSnapshot, Course, Point};
-use std::mem::size_of;
+use std::mem::{size_of, size_of_val};
 use std::ops::Range;
 
 /// Numbers in the first block of memory, and in the largest ones. Reason: blocks are taken one at a time and never moved,
@@ -182,7 +182,7 @@ impl StepLog {
     /// These turns: which they are.
     fn turns_of(&mut self, turns: &[i32]) -> u32 {
         if self.turns.last().is_none_or(|last| **last != *turns) {
-            self.bytes += size_of::<i32>() * turns.len();
+            self.bytes += size_of_val(turns);
             self.turns.push(turns.into());
         }
         self.turns.len() as u32 - 1
@@ -224,7 +224,7 @@ impl StepLog {
             let block = self.block_for(numbers.len());
             let (choice, first) = (self.choices.len() as u32 - 1, self.blocks[block].len() as u32);
             self.blocks[block].extend_from_slice(numbers);
-            self.bytes += size_of::<LoggedStep>() + size_of::<f64>() * numbers.len();
+            self.bytes += size_of::<LoggedStep>() + size_of_val(numbers);
             self.steps.push(LoggedStep { choice, turns, block: block as u32, first, ..*step });
         }
         self.version = before.version.filter(|_| of.is_some_and(|of| of as usize + 1 == in_use));
