@@ -2,7 +2,7 @@
 
 A file above a limit is refused by a `FileFormatError` that contains the number found, the limit and its name. A run
 that would keep more than `step_bytes` forgets steps, and a note says so. Raise a limit for some calls by `raised`, or
-for a whole process by the environment variable PARTITA_LIMITS, as in
+for a whole process by the environment variable PARTITA_LIMITS, read when Partita is imported, as in
 PARTITA_LIMITS="elements=2000000, model_bytes=500000000".
 
 >>> import partita as pt
@@ -27,6 +27,9 @@ from .errors import ArgumentError, FileFormatError
 __all__ = ["TABLE", "Limit", "limit", "raised"]
 
 VARIABLE = "PARTITA_LIMITS"
+
+# Looked up once: without the variable that takes a tenth of the time of a short run, and each run has a limit.
+_PROCESS = os.environ.get(VARIABLE, "")
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ TABLE: Mapping[str, Limit] = {
         Limit("list_depth", 32, "levels", "nested lists of a YAML file"),
         Limit("files", 1000, "files", "the layers of a USD stage"),
         Limit("includes", 64, "files", "files that an MJCF model includes"),
-        # a hundred thousand steps of a four-bar; a hundred such runs fit into the memory of a computer
+        # a hundred and fifty thousand steps of a four-bar; a hundred such runs fit into the memory of a computer
         Limit("step_bytes", 64 * _MIB, "bytes", "the steps that a run keeps for `run.state(t)`, in memory"),
         # more are a function that oscillates about zero; a state is kept for each
         Limit("events", 100_000, "events", "what a run with `events` reports"),
@@ -107,7 +110,7 @@ def limit(name: str) -> int:
     own = _RAISED.get()
     if own is not None and name in own:
         return own[name]
-    return _of_process(os.environ.get(VARIABLE, "")).get(name, TABLE[name].value)
+    return _of_process(_PROCESS).get(name, TABLE[name].value)
 
 
 def exceeded(name: str, found: int, what: str = "") -> str | None:

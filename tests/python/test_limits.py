@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -63,17 +64,24 @@ def test_limits_are_raised_for_some_calls_or_for_a_process(monkeypatch: pytest.M
     with limits.raised(depth=7), limits.raised(elements=3):
         assert (limits.limit("depth"), limits.limit("elements")) == (7, 3)
     assert limits.limit("depth") == limits.TABLE["depth"].value
-    monkeypatch.setenv(limits.VARIABLE, "depth=9, model_bytes = 1_000")
+    monkeypatch.setattr(limits, "_PROCESS", "depth=9, model_bytes = 1_000")
     assert (limits.limit("depth"), limits.limit("model_bytes")) == (9, 1000)
     with limits.raised(depth=8):
         assert limits.limit("depth") == 8
     for text, words in (("deep=3", "no limit 'deep'"), ("depth=x", "positive integer"), ("depth", "positive integer")):
-        monkeypatch.setenv(limits.VARIABLE, text)
+        monkeypatch.setattr(limits, "_PROCESS", text)
         with pytest.raises(ArgumentError, match=words):
             limits.limit("depth")
     for wrong in (0, -1, True, 1.5, "9", None):
         with pytest.raises(ArgumentError, match="depth"), limits.raised(depth=wrong):  # type: ignore[arg-type]
             pass
+
+
+def test_the_environment_raises_limits_of_a_process() -> None:
+    asked = "import partita as pt; print(pt.limits.limit('depth'), pt.limits.limit('files'))"
+    environment = {**os.environ, limits.VARIABLE: "depth=9"}
+    found = subprocess.run([sys.executable, "-c", asked], env=environment, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["9", str(limits.TABLE["files"].value)]
 
 
 @pytest.mark.parametrize("suffix", [".urdf", ".sdf", ".mjcf", ".toml", ".usda", ".json", ".csv", ".mat", ".nc"])

@@ -11,6 +11,14 @@ pub(crate) fn padded(dim: usize) -> usize {
     dim.div_ceil(TILE) * TILE
 }
 
+/// Append a vector without its padding. Whole tiles are moved in registers, where a copy of a few numbers is a call.
+#[inline(always)]
+pub(crate) fn append(padded: &[f64], dim: usize, out: &mut Vec<f64>) {
+    let end = out.len() + dim;
+    padded.chunks_exact(TILE).for_each(|tile| out.extend_from_slice(tile));
+    out.truncate(end);
+}
+
 /// One non-zero weight and the slot of its stage.
 #[derive(Debug, Clone, Copy)]
 struct Term {

@@ -348,22 +348,22 @@ impl StepControl for CrossingStep {
 impl StepStorage for CrossingStep {
     fn save(&self, out: &mut Vec<f64>) -> bool {
         let Some(stages) = &self.stages else { return false };
-        out.extend([self.t_old, self.t_new, stages.h]);
+        out.push(stages.h);
         out.extend_from_slice(&self.y_old);
         out.extend_from_slice(&self.shift);
         out.extend_from_slice(&stages.rates);
         true
     }
-    fn load(&mut self, step: &[f64], _extra: &[f64]) {
+    fn load(&mut self, ends: (f64, f64), step: &[f64], _extra: &[f64]) {
         let dim = self.y_old.len();
-        let (times, rest) = step.split_at(3);
+        let (h, rest) = step.split_at(1);
         let (y_old, rest) = rest.split_at(dim);
         let (shift, rates) = rest.split_at(dim);
-        (self.t_old, self.t_new) = (times[0], times[1]);
+        (self.t_old, self.t_new) = ends;
         self.y_old.copy_from_slice(y_old);
         self.shift.copy_from_slice(shift);
         let nodes = RULES.iter().find(|nodes| nodes.count() * dim == rates.len());
-        self.stages = nodes.map(|nodes| Stages { nodes, h: times[2], rates: rates.to_vec() });
+        self.stages = nodes.map(|nodes| Stages { nodes, h: h[0], rates: rates.to_vec() });
     }
 }
 

@@ -442,9 +442,10 @@ impl March {
             Control::Free { .. } => MOST_ATTEMPTS,
             Control::Ticks { steps } => ATTEMPTS * steps,
         };
-        while !self.stepper.current().finished() {
+        let mut finished = self.stepper.current().finished();
+        while !finished {
             if let Control::Free { max_steps } = self.control {
-                if self.counters().steps >= max_steps {
+                if self.stepper.counters().steps + self.crossing.counters().steps >= max_steps {
                     return Ok(Status::MaxSteps);
                 }
             }
@@ -453,7 +454,9 @@ impl March {
                 outputs.end_with(last).map_err(|error| StepFailure::Rhs { t: last.t, error })?;
                 return Ok(Status::Event);
             }
-            if watch(self.stepper.current().t_old).is_break() {
+            let now = self.stepper.current();
+            finished = now.finished();
+            if watch(now.t_old).is_break() {
                 return Ok(Status::Interrupted);
             }
         }
@@ -514,7 +517,7 @@ impl March {
         let attempted = self.attempt(formulation);
         let beyond = self.ends_beyond();
         let stepper = self.active();
-        let concluded = attempted.and_then(|()| {
+        let mut concluded = attempted.and_then(|()| {
             stepper.conclude(&mut |t, y, dy, known| {
                 end = formulation.trial_end(t, y, dy, known).map_err(|e| match e {
                     // no shorter step is allowed that could distinguish a jump from a drift
@@ -528,13 +531,12 @@ impl March {
                 Ok(end.evaluated)
             })
         });
-        let concluded = match (concluded, refused) {
-            (Err(StepFailure::TooSmall { t, h, .. }), Some(e)) => Err(StepFailure::TooSmall { t, h, last: Some(e) }),
-            (concluded, refused) => {
-                *last = refused.or(last.take());
-                concluded
+        if refused.is_some() {
+            match &mut concluded {
+                Err(StepFailure::TooSmall { last: why, .. }) => *why = refused,
+                _ => *last = refused,
             }
-        };
+        }
         match concluded {
             Ok(Conclusion::Rejected) => return Ok(None),
             Ok(Conclusion::Done) => {}
@@ -615,7 +617,6 @@ impl March {
         looked: Result<Look, StepFailure<SystemError>>,
         last: &mut Option<SystemError>,
     ) -> Result<Fate, StepFailure<SystemError>> {
-        let may_shrink = self.active().current().may_shrink;
         match looked {
             Ok(Look::Clear) => return Ok(Fate::Stands),
             Ok(Look::Refuse(t, error)) => return Err(StepFailure::Rhs { t, error }),
@@ -627,11 +628,11 @@ impl March {
             Ok(Look::EndAt { t, corner: false }) => self.active().end_at(t),
             Ok(Look::Repeat(None)) => self.active().reject(0.5),
             Ok(Look::Repeat(why)) => self.repeat(formulation, why)?,
-            Err(StepFailure::Interpolation { error, .. }) if may_shrink => {
+            Err(StepFailure::Interpolation { error, .. }) if self.active().current().may_shrink => {
                 *last = Some(error);
                 self.active().reject(0.5);
             }
-            Err(StepFailure::Rhs { error, .. }) if may_shrink && error.is_local() => {
+            Err(StepFailure::Rhs { error, .. }) if self.active().current().may_shrink && error.is_local() => {
                 *last = Some(error);
                 self.active().reject(0.5);
             }
@@ -673,8 +674,8 @@ impl March {
         if self.lengths == Lengths::Fixed && !end.crosses {
             self.located.forget(); // a touch that no step was made for
         }
-        let t_end = self.stepper.current().t_end;
         let across = self.course == Course::Across;
+        let t_end = if across { self.stepper.current().t_end } else { f64::INFINITY };
         let beyond = across && self.crossing.current().t_new > t_end;
         if beyond {
             self.crossing.interpolate(&mut Adapter::new(formulation), t_end, &mut self.y)?;

@@ -5,30 +5,31 @@
 //! kept, then every fourth, and so on.
 
 use partita_system::formulation::{ChoiceSnapshot, Course, Point};
-use std::mem::size_of;
-use std::sync::Arc;
+use std::mem::{size_of, size_of_val};
+use std::ops::Range;
 
-/// Numbers in a block of memory. Reason: blocks are taken one at a time, and never moved.
-const BLOCK: usize = 1 << 13;
+/// Numbers in the first block of memory, and in the largest ones. Reason: blocks are taken one at a time and never moved,
+/// and a short run takes little.
+const BLOCKS: Range<usize> = 1 << 9..1 << 13;
 
-/// A step that was taken.
-#[derive(Clone, Debug)]
+/// A step that was taken: a line of memory, copied without counting who has it.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct LoggedStep {
     pub(crate) t_old: f64,
     pub(crate) t_new: f64,
-    /// Whether it crosses a singular position.
-    pub(crate) course: Course,
-    /// Distances from one at both ends; NaN where they are not known.
+    /// Distances from a singular position at both ends; NaN where they are not known.
     pub(crate) margins: [f64; 2],
-    pub(crate) choice: Arc<ChoiceSnapshot>,
-    /// Whole turns removed from each coordinate before it.
-    pub(crate) turns: Arc<[i32]>,
-    /// Singular positions inside.
-    pub(crate) located: Box<[f64]>,
-    /// Where its numbers are: the block, the first one and how many.
-    block: usize,
-    first: usize,
-    count: usize,
+    /// Whether it crosses one.
+    pub(crate) course: Course,
+    /// Its choice, and the whole turns removed before it: which of those of the log.
+    pub(crate) choice: u32,
+    turns: u32,
+    /// Where its numbers are: the block, the first one, how many the stepper has, and how many singular positions inside
+    /// follow them.
+    block: u32,
+    first: u32,
+    count: u32,
+    located: u32,
 }
 
 /// The steps of a run.
@@ -42,8 +43,11 @@ pub struct StepLog {
     taken: u64,
     steps: Vec<LoggedStep>,
     blocks: Vec<Vec<f64>>,
-    /// The choice last seen, and its number.
-    choice: Option<(u64, Arc<ChoiceSnapshot>)>,
+    /// The choices, in the order of the steps, and the number of the last one.
+    choices: Vec<ChoiceSnapshot>,
+    version: Option<u64>,
+    /// Whole turns, in the order of the steps.
+    turns: Vec<Box<[i32]>>,
     /// The end of the run: its last step may go beyond.
     end: f64,
 }
@@ -97,10 +101,20 @@ impl StepLog {
         &self.steps[i]
     }
 
-    /// The numbers of step i.
-    pub(crate) fn numbers(&self, i: usize) -> &[f64] {
+    /// The choice with which step i was taken.
+    pub(crate) fn choice(&self, i: usize) -> &ChoiceSnapshot {
+        &self.choices[self.steps[i].choice as usize]
+    }
+
+    /// Whole turns removed from each coordinate before step i.
+    pub(crate) fn turns(&self, i: usize) -> &[i32] {
+        &self.turns[self.steps[i].turns as usize]
+    }
+
+    /// The numbers of the stepper in step i, and the singular positions inside.
+    pub(crate) fn numbers(&self, i: usize) -> (&[f64], &[f64]) {
         let step = &self.steps[i];
-        &self.blocks[step.block][step.first..step.first + step.count]
+        self.blocks[step.block as usize][step.places()].split_at(step.count as usize)
     }
 
     /// Whether a step that ends at t is to be kept: one that an integration which was set back repeats is not, as outputs are
@@ -110,7 +124,7 @@ impl StepLog {
             return false;
         }
         self.taken += 1;
-        (self.taken - 1) % self.every == 0
+        self.every == 1 || (self.taken - 1) % self.every == 0
     }
 
     /// Keep a step from `t_old` to `t_new` that `formulation` has judged; `save` appends its numbers.
@@ -126,13 +140,9 @@ impl StepLog {
             return;
         }
         let Some(choice) = self.choice_of(formulation) else { return };
-        let last = self.steps.last().map(|last| (last.turns.clone(), last.count));
-        let turns = match &last {
-            Some((same, _)) if **same == *turns => same.clone(),
-            _ => turns.into(),
-        };
+        let (turns, margins) = (self.turns_of(turns), formulation.step_margins());
         // about as many numbers as the step before
-        let block = self.block_for(last.map_or(0, |last| last.1));
+        let block = self.block_for(self.steps.last().map_or(0, |last| last.places().len()));
         let numbers = &mut self.blocks[block];
         let first = numbers.len();
         if !save(numbers) {
@@ -140,58 +150,91 @@ impl StepLog {
             return;
         }
         let count = numbers.len() - first;
-        let margins = formulation.step_margins().map(|margin| margin.unwrap_or(f64::NAN));
-        let located: Box<[f64]> = located.into();
+        numbers.extend_from_slice(located);
         self.bytes += size_of::<LoggedStep>() + size_of::<f64>() * (count + located.len());
-        self.steps.push(LoggedStep { t_old, t_new, course, margins, choice, turns, located, block, first, count });
+        self.steps.push(LoggedStep {
+            t_old,
+            t_new,
+            margins,
+            course,
+            choice,
+            turns,
+            block: block as u32,
+            first: first as u32,
+            count: count as u32,
+            located: located.len() as u32,
+        });
         while self.bytes > self.limit {
             self.thin();
         }
     }
 
-    /// The choice in use.
-    fn choice_of(&mut self, formulation: &dyn Point) -> Option<Arc<ChoiceSnapshot>> {
+    /// The choice in use: which one it is.
+    fn choice_of(&mut self, formulation: &dyn Point) -> Option<u32> {
         let version = formulation.choice_version()?;
-        if let Some((_, known)) = self.choice.as_ref().filter(|(known, _)| *known == version) {
-            return Some(known.clone());
+        if self.version != Some(version) {
+            self.add_choice(formulation.choice_snapshot()?);
+            self.version = Some(version);
         }
-        let new = Arc::new(formulation.choice_snapshot()?);
-        self.bytes += new.bytes();
-        self.choice = Some((version, new.clone()));
-        Some(new)
+        Some(self.choices.len() as u32 - 1)
+    }
+
+    /// These turns: which they are.
+    fn turns_of(&mut self, turns: &[i32]) -> u32 {
+        if self.turns.last().is_none_or(|last| **last != *turns) {
+            self.bytes += size_of_val(turns);
+            self.turns.push(turns.into());
+        }
+        self.turns.len() as u32 - 1
+    }
+
+    fn add_choice(&mut self, choice: ChoiceSnapshot) {
+        self.bytes += choice.bytes();
+        self.choices.push(choice);
     }
 
     /// A block with memory for this many numbers.
     fn block_for(&mut self, count: usize) -> usize {
-        if self.blocks.last().is_none_or(|block| block.len() + count > block.capacity()) {
-            self.blocks.push(Vec::with_capacity(BLOCK.max(count)));
+        let last = self.blocks.last();
+        if last.is_none_or(|block| block.len() + count > block.capacity()) {
+            let size = last.map_or(BLOCKS.start, |block| BLOCKS.end.min(2 * block.capacity()));
+            self.blocks.push(Vec::with_capacity(size.max(count)));
         }
         self.blocks.len() - 1
     }
 
     /// Forget every second step. One that is too large by itself ends the log.
     fn thin(&mut self) {
-        if self.steps.len() < 2 {
-            *self = Self { every: self.every, taken: self.taken, ..Self::default() };
+        let (every, limit) = if self.steps.len() < 2 { (self.every, 0) } else { (2 * self.every, self.limit) };
+        let thinned = Self { limit, every, taken: self.taken, end: self.end, ..Self::default() };
+        let before = std::mem::replace(self, thinned);
+        if limit == 0 {
             return;
         }
-        self.every *= 2;
-        let (steps, blocks) = (std::mem::take(&mut self.steps), std::mem::take(&mut self.blocks));
-        self.bytes = 0;
-        let mut last: Option<&Arc<ChoiceSnapshot>> = None;
-        for step in steps.into_iter().step_by(2) {
-            let numbers = &blocks[step.block][step.first..step.first + step.count];
-            let block = self.block_for(step.count);
-            let first = self.blocks[block].len();
-            self.blocks[block].extend_from_slice(numbers);
-            self.bytes += size_of::<LoggedStep>() + size_of::<f64>() * (step.count + step.located.len());
-            self.steps.push(LoggedStep { block, first, ..step });
-        }
-        for step in &self.steps {
-            if last.is_none_or(|last| !Arc::ptr_eq(last, &step.choice)) {
-                self.bytes += step.choice.bytes();
-                last = Some(&step.choice);
+        let in_use = before.choices.len();
+        let (mut choices, mut of) = (before.choices.into_iter().enumerate(), None);
+        for step in before.steps.iter().step_by(2) {
+            if of != Some(step.choice) {
+                let found = choices.find(|(i, _)| *i == step.choice as usize);
+                found.into_iter().for_each(|(_, choice)| self.add_choice(choice));
+                of = Some(step.choice);
             }
+            let turns = self.turns_of(&before.turns[step.turns as usize]);
+            let numbers = &before.blocks[step.block as usize][step.places()];
+            let block = self.block_for(numbers.len());
+            let (choice, first) = (self.choices.len() as u32 - 1, self.blocks[block].len() as u32);
+            self.blocks[block].extend_from_slice(numbers);
+            self.bytes += size_of::<LoggedStep>() + size_of_val(numbers);
+            self.steps.push(LoggedStep { choice, turns, block: block as u32, first, ..*step });
         }
+        self.version = before.version.filter(|_| of.is_some_and(|of| of as usize + 1 == in_use));
+    }
+}
+
+impl LoggedStep {
+    /// The places of its numbers in their block.
+    fn places(&self) -> Range<usize> {
+        let first = self.first as usize;
+        first..first + (self.count + self.located) as usize
     }
 }

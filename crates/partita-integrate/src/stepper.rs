@@ -97,16 +97,16 @@ pub trait StepControl: Debug + Send + Sync {
 
 /// Concluded steps as numbers, to be interpolated later.
 pub trait StepStorage {
-    /// Append what [`interpolate`](Stepper::interpolate) reads of the concluded step, without the slopes that it evaluates.
-    /// False where steps cannot be loaded again.
+    /// Append what [`interpolate`](Stepper::interpolate) reads of the concluded step besides its times, without the slopes
+    /// that it evaluates. False where steps cannot be loaded again.
     fn save(&self, _out: &mut Vec<f64>) -> bool {
         false
     }
     /// Append the slopes that `interpolate` has evaluated in this step; nothing where there are none.
     fn save_extra(&self, _out: &mut Vec<f64>) {}
-    /// The step that was saved becomes the concluded one again, to be interpolated; `extra` are the slopes of
-    /// `save_extra`, or nothing.
-    fn load(&mut self, _step: &[f64], _extra: &[f64]) {}
+    /// The step that was saved becomes the concluded one again, to be interpolated; `ends` are its times, `extra` the slopes
+    /// of `save_extra`, or nothing.
+    fn load(&mut self, _ends: (f64, f64), _step: &[f64], _extra: &[f64]) {}
 }
 
 /// Corrects the end of a step and leaves its slope: `end(t, y, dy, known)`, where `known` states that dy contains the

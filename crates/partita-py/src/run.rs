@@ -96,7 +96,7 @@ pub struct RunLog<S> {
     /// Without user functions outputs may be computed concurrently.
     shared: bool,
     /// What read the steps the last time.
-    reader: Mutex<Option<StepReader<'static>>>,
+    reader: Mutex<Option<Box<StepReader<'static>>>>,
 }
 
 impl<S> RunLog<S> {
@@ -145,7 +145,7 @@ impl<S: Balance + Send + Sync + 'static> Reported for RunLog<S> {
     fn read(&self, take: &mut dyn FnMut(&SolutionLog, &mut StepReader) -> Read) -> Read {
         // another thread, or a function of the user called from here, may have taken it
         let known = self.reader.try_lock().ok().and_then(|mut reader| reader.take());
-        let made = || self.log.reader::<S>(self.system.clone());
+        let made = || Ok::<_, AnalysisError>(self.log.reader::<S>(self.system.clone())?.map(Box::new));
         let Some(mut reader) = known.map_or_else(made, |reader| Ok(Some(reader)))? else { return Ok(()) };
         let read = take(&self.log, &mut reader);
         if let Ok(mut kept) = self.reader.try_lock() {
@@ -236,7 +236,10 @@ impl Account {
             let mut found = None;
             let read = self.run.at(t).read(&mut |log, reader| {
                 let Some((steps, _)) = &log.steps else { return Ok(()) };
-                let at = |x: &Output| (x.t, PyArray1::from_iter(py, whole(x)), PyArray1::from_slice(py, &x.v));
+                let at = |x: &Output| {
+                    let q: Vec<f64> = whole(x).collect();
+                    (x.t, PyArray1::from_slice(py, &q), PyArray1::from_slice(py, &x.v))
+                };
                 found = reader.read(steps, t)?.map(at);
                 Ok(())
             });

@@ -107,23 +107,29 @@ class Result(Run):
         >>> [round(state.t, 1) for state in run.state(np.linspace(0.1, 0.3, 3))]
         [0.1, 0.2, 0.3]
         """
-        if t is None:
+        if isinstance(t, float):  # asked many times over
+            time = float(t)
+        elif t is None:
             if not len(self.t):
                 raise ArgumentError("the run has no outputs, so there is no state", argument="t")
             return State.computed(float(self.t[-1]), self.q[-1].copy(), self.v[-1].copy(), self._layout)
-        if is_list(t):
+        elif is_list(t):
             times = _times(t)
             for outside in times[(times < self._known[0]) | (times > self._known[1])].tolist():
                 raise self._not_inside(outside)
             return self._read(times)
-        time = finite_time(t)
-        if not self._known[0] <= time <= self._known[1]:
-            raise self._not_inside(time)
+        else:
+            time = finite_time(t)
+        begins, ends = self._known
+        if not begins <= time <= ends:
+            raise self._not_inside(finite_time(time))
         i = int(self.t.searchsorted(time, side="right")) - 1
         if i >= 0 and self.t[i] == time:
             return State.computed(time, self.q[i].copy(), self.v[i].copy(), self._layout)
         log = self._record.arrays.log
         read = None if log is None else log.state(time)
+        if read is not None and read[0] == time:
+            return State.computed(*read, self._layout)
         if i >= 0 and (read is None or read[0] < self.t[i]):
             read = float(self.t[i]), self.q[i], self.v[i]
         return self._from(read, time)

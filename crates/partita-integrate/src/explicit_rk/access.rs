@@ -1,6 +1,7 @@
 //! Read access to the stepper, and decisions between its evaluations.
 
 use super::{memory, ExplicitRungeKutta, Phase};
+use crate::combination::append;
 use crate::counters::Counters;
 use crate::dense_output::Known;
 use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
@@ -127,12 +128,14 @@ impl StepControl for ExplicitRungeKutta {
 
 impl StepStorage for ExplicitRungeKutta {
     fn save(&self, out: &mut Vec<f64>) -> bool {
-        out.extend([self.t_old, self.t_new, self.attempted_h]);
-        out.extend_from_slice(&self.y_old[..self.dim]);
-        out.extend_from_slice(&self.y_new[..self.dim]);
-        let count = self.memory.as_ref().map_or(self.dense.slots().len(), |memory| memory.save(out));
-        for &slot in &self.dense.slots()[..count] {
-            out.extend_from_slice(self.slot(slot));
+        let (dim, stride) = (self.dim, self.stride);
+        let slots = self.dense.slots();
+        out.reserve((2 + slots.len()) * dim + stride);
+        append(&self.y_old, dim, out);
+        append(&self.y_new, dim, out);
+        let count = self.memory.as_ref().map_or(slots.len(), |memory| memory.save(out));
+        for &slot in &slots[..count] {
+            append(&self.stages[slot * stride..(slot + 1) * stride], dim, out);
         }
         true
     }
@@ -143,11 +146,10 @@ impl StepStorage for ExplicitRungeKutta {
         }
     }
 
-    fn load(&mut self, step: &[f64], extra: &[f64]) {
+    fn load(&mut self, (t_old, t_new): (f64, f64), step: &[f64], extra: &[f64]) {
         let (dim, stride) = (self.dim, self.stride);
-        let (times, rest) = step.split_at(3);
-        (self.t_old, self.t_new, self.attempted_h) = (times[0], times[1], times[2]);
-        let (y_old, rest) = rest.split_at(dim);
+        (self.t_old, self.t_new, self.attempted_h) = (t_old, t_new, t_new - t_old);
+        let (y_old, rest) = step.split_at(dim);
         let (y_new, mut rest) = rest.split_at(dim);
         self.y_old[..dim].copy_from_slice(y_old);
         self.y_new[..dim].copy_from_slice(y_new);
@@ -225,7 +227,7 @@ mod tests {
                 let (mut step, mut extra) = (Vec::new(), Vec::new());
                 assert!(stepper.save(&mut step));
                 let (from, to) = (stepper.t_old, stepper.t_new);
-                reader.load(&step, &[]);
+                reader.load((from, to), &step, &[]);
                 for part in [0.0, 0.3, 0.9, 1.0] {
                     let t = from + part * (to - from);
                     let (mut own, mut read) = ([0.0; 2], [0.0; 2]);
@@ -234,7 +236,7 @@ mod tests {
                     assert_eq!(own, read, "{} at {t}", method.name);
                 }
                 reader.save_extra(&mut extra);
-                reader.load(&step, &extra);
+                reader.load((from, to), &step, &extra);
                 let before = ode.0;
                 let mut again = [0.0; 2];
                 reader.interpolate(&mut ode, 0.5 * (from + to), &mut again).unwrap();

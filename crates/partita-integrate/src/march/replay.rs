@@ -12,7 +12,6 @@ use partita_system::record::Output;
 use partita_system::SystemError;
 use std::collections::HashMap;
 use std::mem::size_of;
-use std::sync::Arc;
 
 /// Slopes that were evaluated to read steps are forgotten where they take more. Scale: fraction of the memory of the steps.
 /// Reason: of a log that is read all over they are a third.
@@ -35,9 +34,10 @@ impl March {
             Course::Across => &self.crossing,
             Course::Along => &*self.stepper,
         };
-        let (from, to) = (stepper.current().t_old, stepper.current().t_new);
+        let now = stepper.current();
         let beside = (&self.output.turns[..], &self.located.times[..]);
-        self.log.push(formulation.point(), (from, to), self.course, beside, |numbers| stepper.save(numbers));
+        self.log
+            .push(formulation.point(), (now.t_old, now.t_new), self.course, beside, |numbers| stepper.save(numbers));
     }
 }
 
@@ -46,9 +46,10 @@ pub struct StepReader<'s> {
     formulation: Box<dyn Formulation + Send + 's>,
     march: March,
     buffer: Vec<f64>,
-    /// The step loaded, and the number of its choice.
+    /// The step loaded, the number of its choice, and whether the slopes evaluated for it are kept.
     loaded: Option<usize>,
     version: Option<u64>,
+    has_extra: bool,
     /// Slopes evaluated for steps that were read, and how many numbers these are.
     extra: HashMap<usize, Vec<f64>>,
     extra_count: usize,
@@ -68,7 +69,7 @@ impl<'s> StepReader<'s> {
         let march = March::new(&mut *formulation, nq, method, options, Control::Free { max_steps: 0 })?;
         let buffer = vec![0.0; formulation.layout().dim()];
         let extra = HashMap::new();
-        Ok(Self { formulation, march, buffer, loaded: None, version: None, extra, extra_count: 0 })
+        Ok(Self { formulation, march, buffer, loaded: None, version: None, has_extra: false, extra, extra_count: 0 })
     }
 
     /// Read the state at t of the run with this log, the same for all calls; where no step is kept there, that at the last
@@ -97,9 +98,8 @@ impl<'s> StepReader<'s> {
         if self.loaded != Some(i) || self.version != version {
             self.load(log, i);
         }
-        let unevaluated = !self.extra.contains_key(&i);
         self.march.output_at(&mut *self.formulation, t, &mut self.buffer)?;
-        if unevaluated {
+        if !self.has_extra {
             self.keep_extra(log, i);
         }
         Ok(())
@@ -108,17 +108,18 @@ impl<'s> StepReader<'s> {
     /// Make step i the concluded one of the march.
     fn load(&mut self, log: &StepLog, i: usize) {
         let (step, march) = (log.step(i), &mut self.march);
-        let extra = self.extra.get(&i).map_or(&[][..], |extra| extra);
+        let (numbers, located) = log.numbers(i);
+        let extra = self.extra.get(&i);
+        self.has_extra = extra.is_some();
         march.course = step.course;
         march.located.forget();
-        march.located.times.extend_from_slice(&step.located);
-        march.output.turns.copy_from_slice(&step.turns);
-        march.active().load(log.numbers(i), extra);
+        march.located.times.extend_from_slice(located);
+        march.output.turns.copy_from_slice(log.turns(i));
+        march.active().load((step.t_old, step.t_new), numbers, extra.map_or(&[], |extra| extra));
         // evaluations may have planned anew since
         let same = self.version.is_some() && self.version == self.formulation.point().choice_version();
-        let same = same && self.loaded.is_some_and(|now| Arc::ptr_eq(&log.step(now).choice, &step.choice));
-        let margins = step.margins.map(|margin| Some(margin).filter(|margin| !margin.is_nan()));
-        self.formulation.point().replay((!same).then_some(&*step.choice), margins);
+        let same = same && self.loaded.is_some_and(|now| log.step(now).choice == step.choice);
+        self.formulation.point().replay((!same).then_some(log.choice(i)), step.margins);
         self.version = self.formulation.point().choice_version();
         self.loaded = Some(i);
     }
@@ -127,6 +128,8 @@ impl<'s> StepReader<'s> {
     fn keep_extra(&mut self, log: &StepLog, i: usize) {
         let mut slopes = Vec::new();
         self.march.active().save_extra(&mut slopes);
+        // none are evaluated at the ends of a step
+        self.has_extra = !slopes.is_empty();
         if slopes.is_empty() {
             return;
         }

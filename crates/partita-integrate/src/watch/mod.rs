@@ -104,14 +104,14 @@ impl Watches {
         let all: [&mut dyn Watch; 4] = [guards, breakpoints, singular, prescribed];
         let events = events.iter_mut().map(|events| events as &mut dyn Watch);
         for watch in all.into_iter().chain(events) {
-            match watch.look(step)? {
-                Look::Clear => {}
-                Look::EndAt { t, corner } => {
+            match watch.look(step) {
+                Ok(Look::Clear) => {}
+                Ok(Look::EndAt { t, corner }) => {
                     // at a known time slopes jump
                     let known = times.at(t);
                     return Ok(Look::EndAt { t: known.unwrap_or(t), corner: corner && known.is_none() });
                 }
-                objection => return Ok(objection),
+                objection => return objection,
             }
         }
         Ok(Look::Clear)

@@ -193,10 +193,10 @@ pub trait StepReplay {
     fn choice_version(&self) -> Option<u64>;
     /// The choice in use.
     fn choice_snapshot(&self) -> Option<ChoiceSnapshot>;
-    /// Distances from a singular position at both ends of the step of the last `trial_end`.
-    fn step_margins(&self) -> [Option<f64>; 2];
+    /// Distances from a singular position at both ends of the step of the last `trial_end`; NaN where they are not known.
+    fn step_margins(&self) -> [f64; 2];
     /// The next evaluations lie inside a step with these distances; it was taken with this choice, or with the one in use.
-    fn replay(&mut self, choice: Option<&ChoiceSnapshot>, margins: [Option<f64>; 2]);
+    fn replay(&mut self, choice: Option<&ChoiceSnapshot>, margins: [f64; 2]);
 }
 
 /// The system at the point last evaluated, for what watches an integration.

@@ -63,7 +63,8 @@ pub struct PlannedChoice {
 }
 
 impl PlannedChoice {
-    /// As evaluations over any scalar type take it.
+    /// As evaluations over any scalar type take it. Inline: every level of an evaluation asks for it.
+    #[inline(always)]
     fn choice(&self) -> Choice<'_> {
         Choice {
             plan: self.plan.as_ref().filter(|_| self.rank > 0),

@@ -352,8 +352,8 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 
     /// The next evaluations lie inside a step with these distances at its ends.
-    pub(super) fn replay_between(&mut self, margins: [Option<f64>; 2]) {
-        let [before, after] = margins.map(|distance| distance.map(|distance| (distance, 0)));
+    pub(super) fn replay_between(&mut self, margins: [f64; 2]) {
+        let [before, after] = margins.map(|distance| (!distance.is_nan()).then_some((distance, 0)));
         (self.monitor.margin_before, self.margin) = (before, after);
         self.levels_of = LevelsOf::Elsewhere;
         self.monitor.next = Course::Along;

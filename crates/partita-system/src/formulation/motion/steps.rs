@@ -195,10 +195,10 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> S
     fn choice_snapshot(&self) -> Option<ChoiceSnapshot> {
         self.choice_version().map(|_| self.tangent.snapshot())
     }
-    fn step_margins(&self) -> [Option<f64>; 2] {
-        self.margins()
+    fn step_margins(&self) -> [f64; 2] {
+        self.margins().map(|margin| margin.unwrap_or(f64::NAN))
     }
-    fn replay(&mut self, choice: Option<&ChoiceSnapshot>, margins: [Option<f64>; 2]) {
+    fn replay(&mut self, choice: Option<&ChoiceSnapshot>, margins: [f64; 2]) {
         if let Some(choice) = choice {
             self.tangent.restore(choice);
         }
