@@ -244,7 +244,7 @@ impl March {
 
     /// The elements of the mechanism that were passed through, in sentences.
     pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
-        self.watches.guards.notes()
+        self.watches.guards.notes().chain(self.watches.events.iter().flat_map(EventWatch::notes))
     }
 
     /// Time reached.

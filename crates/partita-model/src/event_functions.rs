@@ -205,9 +205,13 @@ impl Formulas<Model> {
     ) -> Result<Self, DescriptionError> {
         let mut measures = Vec::new();
         let terms = numbered_all(formulas, &*functions, &mut measures)?;
+        // of axes the plane knows the turn about its normal alone
+        let in_space = measures.iter().any(|(measure, _)| matches!(measure, Measure::Cosine { .. }));
         let followed: Box<dyn Measures> = match &model.own.engine {
-            Engine::Planar(_) => Box::new(FollowedIn::<Planar<f64>>::new(model.clone(), in_plane, &measures)?),
-            Engine::Full => Box::new(FollowedIn::<Spatial<f64>>::new(model.clone(), |m| &m.own.full, &measures)?),
+            Engine::Planar(_) if !in_space => {
+                Box::new(FollowedIn::<Planar<f64>>::new(model.clone(), in_plane, &measures)?)
+            }
+            _ => Box::new(FollowedIn::<Spatial<f64>>::new(model.clone(), |m| &m.own.full, &measures)?),
         };
         let natural = measures.iter().map(|(measure, _)| model.natural_size(measure)).collect();
         Ok(Self::with(model, functions, formulas, terms, (followed, natural)))

@@ -10,6 +10,10 @@ use partita_math::tolerance;
 use partita_system::event::{Event, Occurrence};
 use partita_system::SystemError;
 
+/// How much farther from the zero each further trial of a step may end that ends at an event. Scale: multiples. Reason:
+/// from rounding to the error of the loosest tolerance in a dozen trials.
+const WIDER: f64 = 10.0;
+
 /// A zero of a function in the concluded step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Zero {
@@ -38,6 +42,11 @@ pub(crate) struct EventWatch {
     longest: f64,
     /// The zeros of the concluded step that count, in the order of time.
     zeros: Vec<Zero>,
+    /// In how many steps the readings did not decide about each, and in the concluded one.
+    undecided: Vec<u64>,
+    doubtful: Vec<bool>,
+    /// Trials of a step that ends at an event.
+    trials: i32,
     /// Occurrences allowed.
     most: usize,
     occurrences: Vec<Occurrence>,
@@ -46,7 +55,9 @@ pub(crate) struct EventWatch {
 impl EventWatch {
     /// These events, with at most so many occurrences.
     pub(crate) fn new(events: Vec<Event>, most: usize) -> Self {
-        Self { count: vec![0; events.len()], size: vec![0.0; events.len()], most, events, ..Self::default() }
+        let n = events.len();
+        let (count, size, undecided, doubtful) = (vec![0; n], vec![0.0; n], vec![0; n], vec![false; n]);
+        Self { count, size, undecided, doubtful, most, events, ..Self::default() }
     }
 
     /// What has happened.
@@ -60,6 +71,17 @@ impl EventWatch {
             self.count[occurrence.event] -= 1;
         }
         self.zeros.clear();
+    }
+
+    /// Events about which steps did not decide, in sentences.
+    pub(crate) fn notes(&self) -> impl Iterator<Item = String> + '_ {
+        self.events.iter().zip(&self.undecided).filter(|x| *x.1 > 0).map(|(event, count)| {
+            format!(
+                "whether event \"{}\" happened could not be decided in {count} steps: its function varies faster than the \
+                 motion; give a max_step",
+                event.name
+            )
+        })
     }
 
     /// The zeros of the step that stands, to be reported.
@@ -106,6 +128,16 @@ impl EventWatch {
         at.readings[track.count() + e].x.abs() <= self.small(e, track, at)
     }
 
+    /// Whether a function is zero at both ends of an interval, and its rates do not move it from there.
+    fn stays_zero(&self, e: usize, track: &Track, ends: &[Sample]) -> bool {
+        let h = ends[1].t - ends[0].t;
+        ends.iter().all(|at| {
+            let small = self.small(e, track, at);
+            let reading = at.readings[track.count() + e];
+            reading.x.abs() <= small && (h * reading.rate).abs() <= small
+        })
+    }
+
     /// Whether a function is moved by its rate at the end of an interval, or stays where it is.
     fn moves(&self, e: usize, track: &Track, ends: &[Sample]) -> bool {
         let rate = ends[1].readings[track.count() + e].rate.abs();
@@ -115,18 +147,22 @@ impl EventWatch {
     /// All zeros of the step, if its readings show them.
     fn search(&mut self, track: &Track) -> Search {
         self.zeros.clear();
+        self.doubtful.fill(false);
         let samples = track.samples();
         for (i, ends) in samples.windows(2).enumerate() {
             for e in (0..self.events.len()).filter(|&e| self.count[e] < self.events[e].most) {
                 let given = self.events[e].side.filter(|_| i == 0);
                 let after = given.unwrap_or(self.sides(e, track, &ends[0]).1);
+                if self.stays_zero(e, track, ends) {
+                    continue;
+                }
                 let small = [self.small(e, track, &ends[0]), self.small(e, track, &ends[1])];
                 let (function, felt) = (track.count() + e, Felt::Nowhere);
                 let interval = Interval { ends, function, small, recent: 0.0, goes_on: true, felt, given };
                 match interval.shown(track) {
                     Shown::Clear => {}
                     Shown::Doubtful(t) if !track.is_full() => return Search::Unclear(t),
-                    Shown::Doubtful(_) => {}
+                    Shown::Doubtful(_) => self.doubtful[e] = true,
                     Shown::Crossed(t) => self.zeros.push(Zero { t, event: e, rises: !after }),
                 }
                 // one at the start of the step belongs to the step before
@@ -214,14 +250,23 @@ impl Watch for EventWatch {
             }
         }
         if let Some(end) = self.first_ending() {
-            if !step.ends_at(end.t) && end.t < to {
-                return Ok(Look::EndAt { t: end.t, corner: false });
+            // the dense output and the steps that end on it differ by their errors: a step that ends beyond the zero by no
+            // more than that is the one, and each trial allows for larger ones
+            let allowed = self.resolution(to) * WIDER.powi(self.trials);
+            // one at the very start is met by a step as short as can be
+            let shortest = from + tolerance::LONG_ROUNDING * (from.abs() + self.longest);
+            if to - end.t > allowed && to > shortest {
+                self.trials += 1;
+                return Ok(Look::EndAt { t: end.t.max(shortest), corner: false });
             }
+            self.zeros.iter_mut().filter(|zero| zero.t >= end.t).for_each(|zero| zero.t = to);
         }
         Ok(self.too_many().map_or(Look::Clear, |error| Look::Refuse(to, error)))
     }
 
     fn accept(&mut self, _track: &Track) {
         self.zeros.clear();
+        self.trials = 0;
+        self.undecided.iter_mut().zip(&self.doubtful).for_each(|(count, doubtful)| *count += u64::from(*doubtful));
     }
 }

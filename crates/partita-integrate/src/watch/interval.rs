@@ -12,6 +12,10 @@ const FASTER_INSIDE: f64 = 2.0;
 /// interval. Reason: the interval shrinks at least by that.
 const NEAR_AN_END: f64 = 1e-9;
 
+/// Error of a cubic from which on an interval is halved instead. Scale: fraction of the values at its ends. Reason: the
+/// zero of the cubic may be anywhere then.
+const ROUGH: f64 = 0.1;
+
 /// Result of an interval for a function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Shown {
@@ -76,7 +80,10 @@ impl Interval<'_> {
         let cubic = track.cubic(self.function, self.ends);
         let cubic = if after { cubic } else { cubic.reversed() };
         if crosses {
-            let zero = cubic.zero().clamp(NEAR_AN_END, 1.0 - NEAR_AN_END);
+            // where a function jumps the cubic says nothing
+            let off = from.off[self.function].unwrap_or(0.0);
+            let says = self.felt == Felt::Below || off <= ROUGH * (one.x.abs() + two.x.abs());
+            let zero = if says { cubic.zero().clamp(NEAR_AN_END, 1.0 - NEAR_AN_END) } else { 0.5 };
             return Shown::Doubtful(from.t + h * zero);
         }
         let speed = one.speed.max(two.speed).max(self.recent);
