@@ -416,3 +416,45 @@ def test_systems_given_by_matrices_have_events_of_functions() -> None:
     assert np.allclose(run.events["turns"].t, np.arange(1, 4) * math.pi / 2, rtol=0.0, atol=1e-11)
     with pytest.raises(ArgumentError, match="no joints"):
         pt.simulate(spring, 1.0, [1.0], [0.0], events=[pt.Event("e", "A")])
+
+
+def test_events_in_a_dataset_are_a_table(tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    m = rocker()
+    run = m.simulate(1.8, initial=m.assemble(rates={"A": 3.0}), events=rocker_events())
+    run.save(tmp_path / "run.nc")
+    with xarray.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as stored:
+        for found in (run.to_xarray(), stored):
+            assert found.event_t.dims == ("event",) and found.event_t.attrs["units"] == "s"
+            assert found.event_t.values.tolist() == run.events.t.tolist()
+            assert found.event_name.values.tolist() == [event.name for event in run.events]
+            assert found.event_direction.values.tolist() == [event.direction for event in run.events]
+            turns = found.event_t.where(found.event_name == "A turns back", drop=True)
+            assert turns.values.tolist() == run.events["A turns back"].t.tolist()
+    for events in (None, [pt.Event("far", "A", value=9.0)]):
+        assert "event" not in m.simulate(0.1, events=events).to_xarray().dims
+
+
+def test_events_as_text_are_short_and_escaped() -> None:
+    m, start = oscillators()
+    evil = "<b>y</b> & co"
+    run = m.simulate(60.0, initial=start, events=[pt.Event(evil, "y"), pt.Event("far", "x", value=9.0)])
+    assert len(run.events) == 57
+    page = run.events._repr_html_()
+    assert "<b>y" not in page and "&lt;b&gt;y&lt;/b&gt; &amp; co, falling" in page and page.startswith("<table>")
+    assert "57 events" in page and "33 more" in page and "far" in page and page.count("<tr>") == 26
+    lines = repr(run.events).splitlines()
+    assert len(lines) == 25 and "33 later" in lines[-1] and evil in lines[0]
+    assert "57: &lt;b&gt;y" in run._repr_html_() and "49 more" in run._repr_html_()
+    assert "events" not in m.simulate(0.1)._repr_html_()
+    one = m.simulate(1.0, initial=start, events=[pt.Event("y", "y")]).events
+    assert "1 event<" in one._repr_html_() and "did not happen" not in one._repr_html_()
+
+
+def test_a_result_says_where_its_events_are() -> None:
+    m, _ = pendulum()
+    run = m.simulate(0.1)
+    assert "events" in dir(run) and len(run.events) == 0 and "no events" in repr(run.events)
+    for name in ("t_events", "y_events", "event", "crossings"):
+        with pytest.raises(AttributeError, match=r"run\.events"):
+            getattr(run, name)
