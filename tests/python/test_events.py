@@ -458,3 +458,40 @@ def test_a_result_says_where_its_events_are() -> None:
     for name in ("t_events", "y_events", "event", "crossings"):
         with pytest.raises(AttributeError, match=r"run\.events"):
             getattr(run, name)
+
+
+def test_a_member_of_an_ensemble_has_the_events_of_its_run() -> None:
+    m = rocker()
+    states = [m.assemble(rates={"A": rate}) for rate in (2.0, 3.0, 4.0)]
+    found = m.ensemble(states=states, t_eval=[0.0, 0.9, 1.8])
+    assert len(found.result(1).events) == 0
+    run = found.result(1, events=rocker_events())
+    assert [(event.name, event.direction) for event in run.events] == [(name, sign) for name, _, sign in ROCKER]
+    # without forces the motion is the same at every rate, sooner or later
+    for i, rate in enumerate((2.0, 3.0)):
+        times = found.result(i, events=rocker_events()).events.t
+        assert np.allclose(times * rate / 3.0, [t for _, t, _ in ROCKER][: len(times)], rtol=0.0, atol=1e-6)
+    end = found.result(2, events=[pt.Event("end", "A", value=1.0, direction=-1, terminal=True)])
+    assert end.status == "event" and end.t.tolist() == [0.0, end.events[0].t]
+    with pytest.raises(UnknownNameError, match="B"):
+        found.result(0, events=[pt.Event("e", "Bx")])
+
+
+def quarter(stiffness: float) -> dict[str, float]:
+    """When a mass on a spring that starts at 1 is first at 0, by the core and by a function."""
+    m = pt.Mechanism("mass", gravity=(0, 0, 0))
+    body = m.add_body("mass", mass=1.0, inertia=(1.0, 1.0, 1.0))
+    m.add_torsion_spring(m.add_prismatic("x", m.ground, body, axis=(1, 0, 0)), stiffness=stiffness)
+    start = m.assemble({"x": 1.0})
+    events = [pt.Event("zero", "x"), pt.Event("same", lambda t, state: state.position("x"), terminal=True)]
+    run = m.simulate(10.0, initial=start, events=events, rtol=1e-11, atol=1e-11)
+    return {"first": run.events["zero"].t[0], "end": run.t[-1], "count": float(len(run.events))}
+
+
+@pytest.mark.parametrize("executor", [None, "threads", "processes"])
+def test_runs_of_a_sweep_have_events(executor: str | None) -> None:
+    pytest.importorskip("xarray")
+    stiffness = np.array([0.5, 1.0, 2.0, 4.0])
+    found = pt.sweep(quarter, {"stiffness": stiffness}, executor=executor, workers=None if executor is None else 2)
+    assert np.allclose(found["first"], 0.5 * math.pi / np.sqrt(stiffness), rtol=0.0, atol=1e-10)
+    assert (found["end"] == found["first"]).all() and (found["count"] == 2).all()
