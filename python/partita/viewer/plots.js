@@ -193,7 +193,7 @@ class Plots {
       c.textAlign = "left";
       c.fillText(text, left, box.height - 4);
     }
-    const times = this.events.times(start, end);
+    const times = this.events ? this.events.times(start, end) : []; // playgrounds have none
     c.strokeStyle = COLOURS.quiet;
     c.globalAlpha = 0.7;
     c.setLineDash([2, 3]);
