@@ -1,5 +1,6 @@
 """Events: when something passes a value, and the state there."""
 
+import importlib.util
 import math
 import pickle
 from pathlib import Path
@@ -495,3 +496,22 @@ def test_runs_of_a_sweep_have_events(executor: str | None) -> None:
     found = pt.sweep(quarter, {"stiffness": stiffness}, executor=executor, workers=None if executor is None else 2)
     assert np.allclose(found["first"], 0.5 * math.pi / np.sqrt(stiffness), rtol=0.0, atol=1e-10)
     assert (found["end"] == found["first"]).all() and (found["count"] == 2).all()
+
+
+def test_the_example_meets_its_known_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And the picture of docs/events.md is the one that it draws."""
+    pytest.importorskip("matplotlib")
+    root = Path(__file__).parents[2]
+    found = importlib.util.spec_from_file_location("events_example", root / "examples" / "events.py")
+    assert found is not None and found.loader is not None
+    example = importlib.util.module_from_spec(found)
+    found.loader.exec_module(example)
+    assert example.main(tmp_path) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(example.ANSWERS) + 2 == 15
+    assert max(abs(float(line.split()[-1])) for line in lines[1:-1]) < 1e-11
+    assert "thirteen to\nbetter than 1e-12 s" in (root / "docs" / "events.md").read_text("utf-8")
+    drawn, shown = ((folder / "events.svg").read_text("utf-8") for folder in (tmp_path, root / "docs" / "pictures"))
+    assert 0.8 < len(drawn) / len(shown) < 1.25 and len(shown) < 150_000
+    for danger in ("<script", "http://localhost", "foreignObject", "onload"):
+        assert danger not in shown
