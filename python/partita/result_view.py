@@ -69,6 +69,12 @@ def _spins(result: ResultView) -> Iterator[tuple[str, FloatArray]]:
             yield str(joint["name"]), np.linalg.norm(np.asarray(result.v)[:, turning], axis=1)
 
 
+def happened(result: Any) -> Sequence[Any]:
+    """The events of a run, in the order of time; none of what has none, as a position."""
+    events: Sequence[Any] = getattr(result, "events", ())
+    return events
+
+
 LOAD_UNITS = {"force": "N", "moment": "N m"}
 """Reactions of joints."""
 

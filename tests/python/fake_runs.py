@@ -26,6 +26,7 @@ class Fake:
     planar: bool = True
     independent: Any = None
     partitions: list[Any] = field(default_factory=list)
+    events: list[Any] = field(default_factory=list)
     gravity: tuple[float, ...] = (0.0, -9.81, 0.0)
     axes: dict[str, tuple[float, ...]] = field(default_factory=dict)
     forces: list[dict[str, Any]] = field(default_factory=list)

@@ -1,5 +1,6 @@
 """Events: when something passes a value, and the state there."""
 
+import importlib.util
 import math
 import pickle
 from pathlib import Path
@@ -416,3 +417,101 @@ def test_systems_given_by_matrices_have_events_of_functions() -> None:
     assert np.allclose(run.events["turns"].t, np.arange(1, 4) * math.pi / 2, rtol=0.0, atol=1e-11)
     with pytest.raises(ArgumentError, match="no joints"):
         pt.simulate(spring, 1.0, [1.0], [0.0], events=[pt.Event("e", "A")])
+
+
+def test_events_in_a_dataset_are_a_table(tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    m = rocker()
+    run = m.simulate(1.8, initial=m.assemble(rates={"A": 3.0}), events=rocker_events())
+    run.save(tmp_path / "run.nc")
+    with xarray.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as stored:
+        for found in (run.to_xarray(), stored):
+            assert found.event_t.dims == ("event",) and found.event_t.attrs["units"] == "s"
+            assert found.event_t.values.tolist() == run.events.t.tolist()
+            assert found.event_name.values.tolist() == [event.name for event in run.events]
+            assert found.event_direction.values.tolist() == [event.direction for event in run.events]
+            turns = found.event_t.where(found.event_name == "A turns back", drop=True)
+            assert turns.values.tolist() == run.events["A turns back"].t.tolist()
+    for events in (None, [pt.Event("far", "A", value=9.0)]):
+        assert "event" not in m.simulate(0.1, events=events).to_xarray().dims
+
+
+def test_events_as_text_are_short_and_escaped() -> None:
+    m, start = oscillators()
+    evil = "<b>y</b> & co"
+    run = m.simulate(60.0, initial=start, events=[pt.Event(evil, "y"), pt.Event("far", "x", value=9.0)])
+    assert len(run.events) == 57
+    page = run.events._repr_html_()
+    assert "<b>y" not in page and "&lt;b&gt;y&lt;/b&gt; &amp; co, falling" in page and page.startswith("<table>")
+    assert "57 events" in page and "33 more" in page and "far" in page and page.count("<tr>") == 26
+    lines = repr(run.events).splitlines()
+    assert len(lines) == 25 and "33 later" in lines[-1] and evil in lines[0]
+    assert "57: &lt;b&gt;y" in run._repr_html_() and "49 more" in run._repr_html_()
+    assert "events" not in m.simulate(0.1)._repr_html_()
+    one = m.simulate(1.0, initial=start, events=[pt.Event("y", "y")]).events
+    assert "1 event<" in one._repr_html_() and "did not happen" not in one._repr_html_()
+
+
+def test_a_result_says_where_its_events_are() -> None:
+    m, _ = pendulum()
+    run = m.simulate(0.1)
+    assert "events" in dir(run) and len(run.events) == 0 and "no events" in repr(run.events)
+    for name in ("t_events", "y_events", "event", "crossings"):
+        with pytest.raises(AttributeError, match=r"run\.events"):
+            getattr(run, name)
+
+
+def test_a_member_of_an_ensemble_has_the_events_of_its_run() -> None:
+    m = rocker()
+    states = [m.assemble(rates={"A": rate}) for rate in (2.0, 3.0, 4.0)]
+    found = m.ensemble(states=states, t_eval=[0.0, 0.9, 1.8])
+    assert len(found.result(1).events) == 0
+    run = found.result(1, events=rocker_events())
+    assert [(event.name, event.direction) for event in run.events] == [(name, sign) for name, _, sign in ROCKER]
+    # without forces the motion is the same at every rate, sooner or later
+    for i, rate in enumerate((2.0, 3.0)):
+        times = found.result(i, events=rocker_events()).events.t
+        assert np.allclose(times * rate / 3.0, [t for _, t, _ in ROCKER][: len(times)], rtol=0.0, atol=1e-6)
+    end = found.result(2, events=[pt.Event("end", "A", value=1.0, direction=-1, terminal=True)])
+    assert end.status == "event" and end.t.tolist() == [0.0, end.events[0].t]
+    with pytest.raises(UnknownNameError, match="B"):
+        found.result(0, events=[pt.Event("e", "Bx")])
+
+
+def quarter(stiffness: float) -> dict[str, float]:
+    """When a mass on a spring that starts at 1 is first at 0, by the core and by a function."""
+    m = pt.Mechanism("mass", gravity=(0, 0, 0))
+    body = m.add_body("mass", mass=1.0, inertia=(1.0, 1.0, 1.0))
+    m.add_torsion_spring(m.add_prismatic("x", m.ground, body, axis=(1, 0, 0)), stiffness=stiffness)
+    start = m.assemble({"x": 1.0})
+    events = [pt.Event("zero", "x"), pt.Event("same", lambda t, state: state.position("x"), terminal=True)]
+    run = m.simulate(10.0, initial=start, events=events, rtol=1e-11, atol=1e-11)
+    return {"first": run.events["zero"].t[0], "end": run.t[-1], "count": float(len(run.events))}
+
+
+@pytest.mark.parametrize("executor", [None, "threads", "processes"])
+def test_runs_of_a_sweep_have_events(executor: str | None) -> None:
+    pytest.importorskip("xarray")
+    stiffness = np.array([0.5, 1.0, 2.0, 4.0])
+    found = pt.sweep(quarter, {"stiffness": stiffness}, executor=executor, workers=None if executor is None else 2)
+    assert np.allclose(found["first"], 0.5 * math.pi / np.sqrt(stiffness), rtol=0.0, atol=1e-10)
+    assert (found["end"] == found["first"]).all() and (found["count"] == 2).all()
+
+
+def test_the_example_meets_its_known_times(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And the picture of docs/events.md is the one that it draws."""
+    pytest.importorskip("matplotlib")
+    root = Path(__file__).parents[2]
+    found = importlib.util.spec_from_file_location("events_example", root / "examples" / "events.py")
+    assert found is not None and found.loader is not None
+    example = importlib.util.module_from_spec(found)
+    found.loader.exec_module(example)
+    assert example.main(tmp_path) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(example.ANSWERS) + 2 == 15
+    assert max(abs(float(line.split()[-1])) for line in lines[1:-1]) < 1e-11
+    assert "thirteen to\nbetter than 1e-12 s" in (root / "docs" / "events.md").read_text("utf-8")
+    drawn, shown = ((folder / "events.svg").read_text("utf-8") for folder in (tmp_path, root / "docs" / "pictures"))
+    assert 0.8 < len(drawn) / len(shown) < 1.25 and len(shown) < 150_000
+    for danger in ("<script", "http://localhost", "foreignObject", "onload"):
+        assert danger not in shown

@@ -16,6 +16,7 @@ import pytest
 from catalogue_runs import entry_of, run_of
 from chromium import DESKTOP, PHONE, PROGRAM, Chromium
 from pages import CONTRAST, EACH_ONCE, INSIDE, LAYOUT, SCREENS, faults, unreached
+from test_events import oscillators, rocker
 from thorough import either
 
 import partita as pt
@@ -102,6 +103,66 @@ def test_keyboard_reaches_everything(browser: Chromium, tmp_path: Path) -> None:
     before = browser.value("partita.time()")
     browser.press("ArrowRight")
     assert browser.value("partita.time()") > before
+    assert browser.reported == []
+
+
+def test_events_are_marked_listed_and_jumped_to(browser: Chromium, tmp_path: Path) -> None:
+    evil = '<img src=x onerror="document.title = 1">'
+    m = rocker()
+    wanted = (("one", 1.0), ("zero", 0.0), (evil, -1.0), ("none", 9.0))
+    events = [pt.Event(name, "A", value=value) for name, value in wanted]
+    times = np.linspace(0.0, 1.8, 181)
+    run = m.simulate(1.8, initial=m.assemble(rates={"A": 3.0}), t_eval=times, events=events)
+    nearest = [float(times[np.abs(times - event.t).argmin()]) for event in run.events]
+    path = viewer.write_html(run, tmp_path / "events.html")
+    assert faults(browser, path, fixed_bytes(), screens=LOOKED_AT) == []
+    browser.open(path, DESKTOP, at="#still")
+    marks = browser.value(
+        "[...document.querySelectorAll('#marks i')].map((e) => [e.title, parseFloat(e.style.left), e.ariaLabel])"
+    )
+    assert [title for title, _, _ in marks] == [label for _, _, label in marks]
+    assert [title.split(":")[0] for title, _, _ in marks] == [event.name for event in run.events]
+    assert np.allclose([left for _, left, _ in marks], [100 * t / 1.8 for t in nearest], atol=1e-6)
+    looks = "['#marks i', '#ticks i'].map((s) => getComputedStyle(document.querySelector(s)).backgroundColor)"
+    assert len(set(browser.value(looks))) == 2
+    rows = "[...document.querySelectorAll('#happened li')]"
+    assert browser.value("document.querySelector('#happened summary').textContent") == f"Events: {len(run.events)}"
+    assert browser.value(f"{rows}.map((e) => e.textContent.split(' s: ')[1])") == [event.name for event in run.events]
+    # a click in the list and on a mark, and keys to and fro
+    browser.value("partita.play(true)")
+    browser.value(f"{rows}[2].firstChild.click()")
+    assert not browser.value("partita.playing()") and browser.value("partita.time()") == pytest.approx(nearest[2])
+    browser.value("document.querySelectorAll('#marks i')[3].click()")
+    assert browser.value("partita.time()") == pytest.approx(nearest[3])
+    browser.value("partita.show(0); document.activeElement.blur()")
+    for expected in nearest:
+        browser.press("e")
+        assert browser.value("partita.time()") == pytest.approx(expected)
+    for expected in nearest[-2::-1]:
+        browser.value("document.dispatchEvent(new KeyboardEvent('keydown', { key: 'E', shiftKey: true }))")
+        assert browser.value("partita.time()") == pytest.approx(expected)
+    assert browser.reported == [] and browser.value("document.title") != "1"
+
+
+def test_pages_say_what_did_not_happen_and_nothing_where_nothing_was_looked_for(
+    browser: Chromium, tmp_path: Path
+) -> None:
+    m = pt.catalogue.load("four-bar")
+    shown = "['#marks', '#happened'].map((s) => document.querySelector(s).checkVisibility())"
+    for number, (events, visible) in enumerate((([], [False, False]), ([pt.Event("far", "A", 9.0)], [False, True]))):
+        browser.open(viewer.write_html(m.simulate(0.5, events=events), tmp_path / f"{number}.html"))
+        assert browser.value(shown) == visible
+    assert "far" in browser.value("document.querySelector('#happened').textContent")
+
+
+def test_very_many_events_are_marked_all_over_the_time_line(browser: Chromium, tmp_path: Path) -> None:
+    m, start = oscillators()
+    run = m.simulate(1500.0, initial=start, events=[pt.Event("y", "y")], t_eval=np.linspace(0.0, 1500.0, 3001))
+    assert len(run.events) > 1400
+    browser.open(viewer.write_html(run, tmp_path / "many.html"))
+    left = browser.value("[...document.querySelectorAll('#marks i')].map((e) => parseFloat(e.style.left))")
+    assert len(left) > 700 and max(b - a for a, b in pairwise(left)) < 1.0 and left[0] < 1.0 and left[-1] > 99.0
+    assert "later ones" in browser.value("document.querySelector('#happened').textContent")
     assert browser.reported == []
 
 

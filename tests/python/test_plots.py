@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from catalogue_runs import entry_of, run_of
 from fake_runs import data
 from matplotlib.figure import Figure
+from test_events import rocker
 
 import partita as pt
 from partita import viewer
@@ -178,3 +180,69 @@ def test_names_are_drawn_as_they_are(tmp_path: Path) -> None:
     # in the legend stands the name itself
     assert "M $\\frac$" in (tmp_path / "run.svg").read_text() or figures[0].get_suptitle() == "M \\$\\frac\\$"
     assert plain("a $ b") == plain(plain("a $ b")) == "a \\$ b" and plain("no") == "no"
+
+
+def marked(figure: Figure) -> list[list[float]]:
+    """Times of the vertical lines of each panel."""
+    return [
+        [float(line.get_xdata()[0]) for line in ax.get_lines() if list(line.get_ydata()) == [0, 1]]  # type: ignore[index]
+        for ax in figure.axes
+    ]
+
+
+def words(figure: Figure) -> list[list[str]]:
+    """What stands in each panel."""
+    return [[text.get_text() for text in ax.texts] for ax in figure.axes]
+
+
+def observed(*events: pt.Event, duration: float = 1.8) -> pt.Result:
+    m = rocker()
+    return m.simulate(duration, initial=m.assemble(rates={"A": 3.0}), events=events)
+
+
+def test_events_are_lines_in_figures_over_time() -> None:
+    run = observed(pt.Event("one $a$ $b$", "A", value=1.0), pt.Event("zero", "A"))
+    times = run.events.t.tolist()
+    named = [plain(event.name) for event in run.events]
+    assert len(times) == 4
+    for word in ("coordinates", "velocities", "accelerations", "energy"):
+        figure = run.plot(word)
+        assert marked(figure)[0] == times and words(figure)[0] == named
+    joint = run.plot("A")
+    assert marked(joint) == [times] * 4 and words(joint) == [named, [], [], []]
+    assert marked(run.plot("closure"))[0] == times and marked(run.plot("measure"))[1] == times
+    overview = run.plot()
+    assert sum(found == times for found in marked(overview)) == 7 and words(overview)[0] == named
+    # the names lie above the curves
+    ax = run.plot("coordinates").axes[0]
+    low, high = ax.get_ylim()
+    lowest = min(low + text.xy[1] * (high - low) for text in ax.texts)  # type: ignore[attr-defined]
+    assert lowest > run.q.max()
+    # none over an angle
+    assert marked(run.plot("energy", x="A")) == [[]]
+
+
+def test_events_that_are_many_or_none_leave_figures_as_they_are() -> None:
+    many = observed(*(pt.Event(f"{x:.2f}", "A", value=float(x)) for x in np.linspace(-2.0, 2.0, 41)))
+    assert (
+        len(many.events) > 60 and marked(many.plot("coordinates")) == [[]] and words(many.plot("coordinates")) == [[]]
+    )
+    none, alone = observed(pt.Event("far", "A", value=9.0)), observed()
+    assert none.plot("energy").axes[0].get_ylim() == alone.plot("energy").axes[0].get_ylim()
+
+
+def test_events_at_one_instant_share_a_line_and_the_last_one_ends_the_axis() -> None:
+    run = observed(
+        pt.Event("one", "A", value=1.0),
+        pt.Event("same", "A", value=1.0),
+        pt.Event("end", "A", direction=-1, terminal=True),
+    )
+    figure = run.plot("coordinates")
+    assert run.status == "event" and words(figure)[0] == ["one, same", "one, same", "end"]
+    assert figure.axes[0].get_xlim()[1] == run.events[-1].t == run.t[-1]
+    canvas, panel = figure.canvas, figure.axes[0]
+    canvas.draw()
+    boxes = [text.get_window_extent() for text in panel.texts]  # type: ignore[no-untyped-call]
+    assert all(box.x1 <= panel.bbox.x1 + 1 for box in boxes) and not any(
+        a.overlaps(b) for a, b in combinations(boxes, 2)
+    )

@@ -37,7 +37,8 @@ def document_of(path: Path) -> dict[str, Any]:
     m.add_gear("P", "W", 2.0)
     m.add_drive("P", lambda t: 3.0 * t)
     m.add_sensor("tip", ("ball", (1, 0, 0)), "acceleration")
-    m.simulate(0.1, t_eval=[0.0, 0.05, 0.1]).save(path)
+    passes = pt.Event("passes", "P", value=0.15)
+    m.simulate(0.1, t_eval=[0.0, 0.05, 0.1], events=[passes]).save(path)
     found: dict[str, Any] = json.loads(path.read_text("utf-8"))
     return found
 
@@ -92,6 +93,13 @@ def uses(run: Any, folder: Path) -> Iterator[Callable[[], Any]]:
         yield lambda name=name: (run.sensor(name).values, repr(run.sensor(name)))
     yield lambda: run.coupling("gear P - W").effort
     yield lambda: run.drive("drive of P").effort
+    yield lambda: (
+        repr(run.events),
+        run.events._repr_html_(),
+        run.events.t,
+        [e.before.position("A") for e in run.events],
+    )
+    yield run.to_xarray
     yield lambda: run.state()
     yield lambda: run.state(0.03)
     yield lambda: run.save(folder / "again.csv")
@@ -141,6 +149,8 @@ def test_a_resealed_result_is_refused_or_can_be_used(stored: dict[str, Any], tmp
         (("account", "summary", "joints", 0, "state_q"), "x"),
         (("account", "summary", "joints", 0, "state_q", 0), 10**30),
         (("account", "summary", "joints", 0, "axes"), None),
+        (("account", "summary", "joints", 0, "drawn"), [1, 2, 3]),
+        (("account", "summary", "joints", 0, "drawn"), [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
         (("account", "summary", "couplings"), None),
         (("account", "summary", "drives"), None),
         (("account", "summary", "removed", 0), {}),
@@ -152,6 +162,10 @@ def test_a_resealed_result_is_refused_or_can_be_used(stored: dict[str, Any], tmp
         (("account", "certificate", "sigma_t"), None),
         (("account", "summary", "couplings", 0, "rows"), [1, 2, 3]),
         (("account", "summary", "drive_rows"), [1, 2, 3]),
+        (("account", "events", "records"), 3),
+        (("account", "events", "records", 0, "q"), [1.0]),
+        (("account", "events", "records", 0, "t"), "x"),
+        (("account", "events", "records", 0, "direction"), 3),
         (("arrays", "work"), GONE),
         (("arrays",), {}),
         (("arrays", "vdot"), GONE),

@@ -16,6 +16,7 @@ from ..analyses.still import place
 from ..builder.compiled import CompiledModel
 from ..builder.parameter_units import parameter_unit
 from ..errors import ArgumentError, UnknownNameError
+from ..events import Event
 from ..extras import extra
 from ..numeric import floats, is_list, shown
 from ..progress import reporting
@@ -89,17 +90,27 @@ class Ensemble:
         i = place(index, len(self), "a member")
         return self._states[0 if self._drawn else i]
 
-    def result(self, index: int) -> Result:
+    def result(self, index: int, *, events: Iterable[Event | Callable[..., Any]] | None = None) -> Result:
         """The full result of one member, with its reactions, energies and certificate: its ordinary run, computed when
-        it is asked for. It agrees with `q` and `v` to the tolerance.
+        it is asked for. It agrees with `q` and `v` to the tolerance. `events` are those of `Mechanism.simulate`, found
+        in that run.
 
-        Raises what `Mechanism.simulate` raises for a member that cannot start."""
+        Raises what `Mechanism.simulate` raises for a member that cannot start, and for events.
+
+        >>> import partita as pt
+        >>> m = pt.catalogue.load("four-bar")
+        >>> states = [m.assemble(rates={"A": rate}) for rate in (4.0, 8.0)]
+        >>> found = m.ensemble(states=states, t_eval=[0.0, 1.0])
+        >>> back = [found.result(i, events=[pt.Event("back", "D", reads="velocity")]).events for i in range(2)]
+        >>> bool(back[0][0].t > back[1][0].t)
+        True
+        """
         i = place(index, len(self), "a member")
         own = {name: values[i] for name, values in self.parameters.items()} or None
         start = self.initial(i)
         duration = float(self.t[-1]) - start.t
         initial = None if self._drawn else start
-        given: dict[str, Any] = {"initial": initial, "parameters": own, **self._tolerances}
+        given: dict[str, Any] = {"initial": initial, "parameters": own, "events": events, **self._tolerances}
         return simulate(self._mechanism, duration, t_eval=self.t, **given)
 
     def to_xarray(self) -> xarray.Dataset:

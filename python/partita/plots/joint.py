@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..naming import column_names, joint_units
 from ..result_view import ResultView, least
 from .abscissa import Abscissa, abscissa
+from .events import mark_events
 from .style import COLOURS, Canvas, dressed, empty, ending, legend, level, plain, unit_label
 
 
@@ -46,6 +47,9 @@ def draw_joint(result: ResultView, name: str, canvas: Canvas, axes: str = "world
     )
     title = f"Moment on {joint.child} about the joint"
     _wrench(grid[1, 1], x, joint.moment, joint.determined[3:], title, "N m", least(result, "N m"))
+    panels = [ax for ax in grid.flat if ax.lines and x.is_time]
+    for ax in panels:
+        mark_events(ax, result, names=ax is panels[0])
 
 
 def _motion(

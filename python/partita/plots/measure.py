@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.gridspec import GridSpecFromSubplotSpec, SubplotSpec
 
 from ..result_view import ResultView
+from .events import mark_events
 from .style import COLOURS, Canvas, dressed, empty, legend, plain, reporting, wrapped
 
 GREY = "#bbbbbb"
@@ -36,6 +37,7 @@ def draw_measure(result: ResultView, canvas: Canvas, cell: SubplotSpec) -> None:
     if not set(np.unique(settled(result.independent)[:, :rows]).tolist()) <= set(columns):
         ax.plot([], [], color=GREY, lw=5, label="others (strip)")
     legend(ax, len(columns), result.measure.shape[1], "shown")
+    mark_events(ax, result)
     _draw_strip(result, strip, colour, rows)
     strip.sharex(ax)
     strip.tick_params(labelbottom=False, length=0)

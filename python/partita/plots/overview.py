@@ -26,8 +26,8 @@ def draw_overview(result: ResultView, canvas: Canvas, x: Abscissa) -> None:
     turning = crank(result) if x.is_time else None
     grid = canvas.add_gridspec(4 if turning else 3, 2)
     draw_coordinates(result, canvas.add_subplot(grid[0, 0]), x)
-    draw_velocities(result, canvas.add_subplot(grid[0, 1]), x)
-    draw_accelerations(result, canvas.add_subplot(grid[1, 0]), x)
+    draw_velocities(result, canvas.add_subplot(grid[0, 1]), x, names=False)
+    draw_accelerations(result, canvas.add_subplot(grid[1, 0]), x, names=False)
     notes = {draw_loads(result, canvas.add_subplot(grid[1, 1]), "force", x)}
     if turning:
         angle = abscissa(result, turning)

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from ..result_view import LOAD_UNITS, ResultView, least
 from ..tolerance import NEGLIGIBLE
 from .abscissa import Abscissa, abscissa
+from .events import mark_events
 from .style import COLOURS, LIMIT, Canvas, dressed, empty, legend, level, wrapped
 
 PARTS = {"force": (slice(0, 3), "Forces of the joints", "|force| [N]"),
@@ -19,7 +20,10 @@ def draw_reactions(result: ResultView, canvas: Canvas, x: Abscissa | None = None
     unique."""
     shown = [key for key in PARTS if carries(result, key)]
     panels = canvas.subplots(max(1, len(shown)), 1, sharex=True, squeeze=False)[:, 0]
-    notes = {draw_loads(result, ax, key, x) for ax, key in zip(panels, shown or ["force"], strict=True)} - {""}
+    notes = {
+        draw_loads(result, ax, key, x, names=ax is panels[0])
+        for ax, key in zip(panels, shown or ["force"], strict=True)
+    } - {""}
     for upper in panels[:-1]:
         upper.set_xlabel("")
     if len(shown) == 1:  # an empty panel would take half of the space to say the same
@@ -35,8 +39,9 @@ def carries(result: ResultView, key: str) -> bool:
     return float(np.nanmax(np.abs(result.at_once.reactions[key]), initial=0.0)) > least(result, LOAD_UNITS[key])
 
 
-def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None) -> str:
-    """|force| or |moment| of the most loaded joints in one panel, with a note on those that are not unique.
+def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None, names: bool = False) -> str:
+    """|force| or |moment| of the most loaded joints in one panel, with a note on those that are not unique; with
+    `names` those of events.
 
     A joint is marked only where an indeterminate part of its load is nonzero, and only if other joints are not: a star
     on every line would have no meaning.
@@ -65,6 +70,8 @@ def draw_loads(result: ResultView, ax: Axes, key: str, x: Abscissa | None = None
         x.plot(ax, size[:, j], "--" if openly[j] else "-", color=COLOURS[n], lw=1.2, label=name)
     legend(ax, len(loaded), size.shape[1], "shown")
     level(ax, size, small)
+    if x.is_time:
+        mark_events(ax, result, names=names)
     if not any(openly[j] for j in loaded):
         return ""
     rule = "shared by least squares"

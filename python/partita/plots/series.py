@@ -14,6 +14,7 @@ from ..naming import coordinate_units
 from ..result_view import ResultView, least, scales
 from .abscissa import Abscissa, abscissa
 from .bundle import draw_bundle, is_length
+from .events import mark_events
 from .style import COLOURS, FLOOR, ROUND_OFF, dressed, empty, legend, level, plain, positive, reporting, unit_label
 
 MOST_TURNS = 3.0
@@ -39,23 +40,24 @@ def draw_coordinates(result: ResultView, ax: Axes, x: Abscissa | None = None) ->
         ax.set_title(plain(words), loc="right", fontsize=7, color="#555555")
 
 
-def draw_velocities(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
-    """v over time."""
+def draw_velocities(result: ResultView, ax: Axes, x: Abscissa | None = None, names: bool = True) -> None:
+    """v over time; with `names` those of events."""
     units = coordinate_units(result.summary, result.names)[1]
-    _draw(result, ax, x, "Velocities", "v", result.v, reporting(result, result.v), result.names.velocities, units)
+    labels, columns = result.names.velocities, reporting(result, result.v)
+    _draw(result, ax, x, "Velocities", "v", result.v, columns, labels, units, names=names)
 
 
-def draw_accelerations(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
-    """dv/dt over time; gaps at singular positions, where it is undetermined."""
+def draw_accelerations(result: ResultView, ax: Axes, x: Abscissa | None = None, names: bool = True) -> None:
+    """dv/dt over time; gaps at singular positions, where it is undetermined; with `names` those of events."""
     units = [f"{unit}^2" if unit.endswith("/s") else unit for unit in coordinate_units(result.summary, result.names)[1]]
-    vdot = np.asarray(result.vdot)
-    _draw(result, ax, x, "Accelerations", "dv/dt", vdot, reporting(result, vdot), result.names.velocities, units)
+    vdot, labels = np.asarray(result.vdot), result.names.velocities
+    _draw(result, ax, x, "Accelerations", "dv/dt", vdot, reporting(result, vdot), labels, units, names=names)
 
 
 def _draw(
     result: ResultView, ax: Axes, x: Abscissa | None, title: str, symbol: str, values: NDArray[np.float64],
     columns: list[int], labels: Sequence[str], units: Sequence[str],
-    left_out: Sequence[int] = (),
+    left_out: Sequence[int] = (), names: bool = True,
 ) -> None:  # fmt: skip
     x = x or abscissa(result, None)
     lengths = [i for i in columns if is_length(units[i])]
@@ -73,6 +75,8 @@ def _draw(
     for panel, own in ((ax, rest), (right, lengths)):
         if panel is not None:
             level(panel, values[:, own], least(result, units[own[0]]) if own else 0.0)
+    if x.is_time:
+        mark_events(ax, result, names=names, right=right)
 
 
 def _widest(result: ResultView) -> list[int]:
@@ -94,6 +98,8 @@ def draw_sensor(result: ResultView, name: str, ax: Axes, x: Abscissa | None = No
     level(ax, columns, least(result, read.unit))
     if columns.shape[1] > 1:
         legend(ax, min(columns.shape[1], len(COLOURS)), columns.shape[1], "components")
+    if x.is_time:
+        mark_events(ax, result, names=True)
 
 
 def draw_closure(result: ResultView, ax: Axes) -> None:
@@ -121,6 +127,7 @@ def draw_closure(result: ResultView, ax: Axes) -> None:
     measured = np.concatenate([result.closure, result.velocity_closure])
     _from_floor(ax, measured, size)
     ax.legend(loc="upper right", fontsize=8, frameon=False, markerscale=3, handletextpad=0.2, borderaxespad=0.1)
+    mark_events(ax, result)
 
 
 def _from_floor(ax: Axes, values: NDArray[np.float64] | float, size: float = 1.0) -> None:
@@ -141,6 +148,7 @@ def draw_balance(result: ResultView, ax: Axes) -> None:
     ax.plot(result.t, positive(energy.balance / scale), color=COLOURS[2], lw=1.0)
     _from_floor(ax, energy.relative_balance)
     ax.set_ylabel(f"imbalance, of {energy.scale:.3g} J", fontsize=9)
+    mark_events(ax, result)
 
 
 def draw_energy(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None:
@@ -159,3 +167,5 @@ def draw_energy(result: ResultView, ax: Axes, x: Abscissa | None = None) -> None
     x.dress(ax)
     level(ax, np.array([values for _, values in lines]), least(result, "J"))
     legend(ax, 4, 4, "energies")
+    if x.is_time:
+        mark_events(ax, result, names=True)

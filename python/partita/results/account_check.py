@@ -135,7 +135,7 @@ SUMMARY = table(
     joints=many(
         table(
             name=text, kind=text, parent=text, child=text, q=_span, v=_span, state_q=_maybe_span, state_v=_maybe_span,
-            may_drawn=either(many(row(number, number, number)), many(number), null), axes=many(text),
+            may_drawn=either(row(*3 * [row(number, number, number)]), null), axes=many(text),
         )
     ),
     may_couplings=many(table(name=text, word=text, rows=many(count))),
@@ -195,6 +195,10 @@ ACCOUNT = table(
     may_geometric_error=_maybe_number,
     may_findings=many(_finding),
     options=by_name(anything),
+    may_events=table(
+        may_names=many(text),
+        may_records=many(table(name=text, kind=text, direction=number, t=number, q=many(number), v=many(number))),
+    ),
     may_version=text,
     may_certificate=CERTIFICATE,
 )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +31,7 @@ def to_xarray(result: ResultView) -> xarray.Dataset:
 
 
 def dataset(content: Content) -> xarray.Dataset:
-    """Every array with its axes, `units` and `long_name`; labels as coordinates; model and account as texts."""
+    """Every array with its axes, `units` and `long_name`; labels as coordinates; events; model and account as texts."""
     xarray = extra("xarray", "xarray", "a dataset")
     header = content.header()
     account = header["account"]
@@ -45,6 +46,7 @@ def dataset(content: Content) -> xarray.Dataset:
     variables["account"] = ((), _text(header), {"long_name": about})
     t = next(v for v in content.variables if v.name == "t")
     labels: dict[str, Any] = {TIME: (TIME, t.values, _attributes(t.unit, t.text))}
+    variables |= _events(plain["events"].get("records", ()))
     for axis in content.axes.values():
         if len(set(axis.labels)) == len(axis.labels):
             labels[axis.name] = (axis.name, np.array(axis.labels, dtype=str))
@@ -60,6 +62,21 @@ def dataset(content: Content) -> xarray.Dataset:
         "certificate": str(Certificate.from_account(plain["certificate"]))[:LONGEST],
     }
     return xarray.Dataset(variables, coords=labels, attrs=attributes)
+
+
+def _events(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """A table of the events, which readers may use; `as_header` reads the account, which has their states too."""
+    if not records:
+        return {}
+    columns = {
+        "event_t": ("t", float, _attributes("s", "time of the event")),
+        "event_name": ("name", str, {"long_name": "name of the event"}),
+        "event_direction": ("direction", int, {"long_name": "1 where it rises through the value, -1 where it falls"}),
+    }
+    return {
+        name: ("event", np.array([record[key] for record in records], dtype=kind), about)
+        for name, (key, kind, about) in columns.items()
+    }
 
 
 def as_header(found: xarray.Dataset, room: Allowance) -> tuple[dict[str, Any], dict[str, Any]]:

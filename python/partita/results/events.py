@@ -9,6 +9,7 @@ from typing import Any, overload
 import numpy as np
 
 from ..naming import driven, index_of
+from ..notebook import MOST_ROWS, names, table
 from ..state import Layout, State
 
 CROSSING = "crossing"
@@ -34,9 +35,13 @@ class EventRecord:
     energy_lost: float = 0.0
     """Loss of kinetic energy [J]."""
 
+    @property
+    def sense(self) -> str:
+        """The direction as a word."""
+        return "rising" if self.direction > 0 else "falling"
+
     def __repr__(self) -> str:
-        sense = "rising" if self.direction > 0 else "falling"
-        return f"<event {self.name!r} at t = {self.t:.9g} s: {self.kind}, {sense}>"
+        return f"<event {self.name!r} at t = {self.t:.9g} s: {self.kind}, {self.sense}>"
 
 
 class Events(Sequence[EventRecord]):
@@ -80,20 +85,24 @@ class Events(Sequence[EventRecord]):
             return "<no events were looked for>"
         if not self._records:
             return f"<none of the events happened: {', '.join(self.names)}>"
-        return "\n".join(map(repr, self._records))
+        lines = [repr(record) for record in self._records[:MOST_ROWS]]
+        return "\n".join([*lines, *([f"<and {self._left_out} later ones>"] if self._left_out else [])])
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{record.t:.9g}</td><td>{_escaped(record.name)}</td><td>{record.kind}</td>"
-            f"<td>{record.direction:+d}</td></tr>"
-            for record in self._records
-        )
-        head = "".join(f"<th>{word}</th>" for word in ("t [s]", "name", "kind", "direction"))
-        return f"<table><tr>{head}</tr>{rows}</table>"
+        """A small table, in a notebook."""
+        rows = [(f"t = {record.t:.9g} s", f"{record.name}, {record.sense}") for record in self._records[:MOST_ROWS]]
+        if self._left_out:
+            rows.append(("later", f"{self._left_out} more"))
+        occurred = {record.name for record in self._records}
+        never = [name for name in self.names if name not in occurred]
+        if never:
+            rows.append(("did not happen", names(never)))
+        return table(f"{len(self)} event{'s' * (len(self) != 1)}", rows)
 
-
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    @property
+    def _left_out(self) -> int:
+        """Number of records that a table does not show."""
+        return max(0, len(self._records) - MOST_ROWS)
 
 
 def written(

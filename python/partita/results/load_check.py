@@ -77,6 +77,12 @@ def check(record: Record, arrays: Mapping[str, NDArray[Any]]) -> None:
     if chosen.size and not (chosen.min() >= -1 and chosen.max() < sizes["velocity"]):
         raise ValueError("an independent coordinate is not among the velocities")
     partition_changes(record.partitions, summary["velocities"])
+    for event in record.events.get("records", ()):
+        shapes = len(event["q"]), len(event["v"])
+        if shapes != (sizes["coordinate"], sizes["velocity"]):
+            raise ValueError(f"the state of the event {event['name']!r:.60} has {shapes} numbers")
+        if event["direction"] not in (1, -1) or not np.isfinite(event["t"]):
+            raise ValueError(f"the event {event['name']!r:.60} has no time or no direction")
     if not isinstance(record.success, bool) or not isinstance(record.options, dict):
         raise ValueError("the description of the run has entries of the wrong type")
 
@@ -88,6 +94,8 @@ def _spans(joints: Sequence[Mapping[str, Any]], sizes: Mapping[str, int]) -> Non
         for key, axis in limits.items():
             if joint[key] is not None and sum(joint[key]) > sizes[axis]:
                 raise ValueError(f"{key} of the joint {joint['name']!r} exceeds the number {sizes[axis]} of entries")
+        if joint.get("drawn") and joint["v"][1] < 3:
+            raise ValueError(f"the joint {joint['name']!r} has axes of rotations that it does not make")
 
 
 def _names(summary: Mapping[str, Any], key: str) -> int:

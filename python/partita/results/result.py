@@ -34,19 +34,23 @@ ELSEWHERE = {
     "angle": "use run.joint(name).angle",
     "animate": "use run.show(), run.to_html(path) or run.save_animation(path)",
     "bodies": "use run.body(name), or run.names.bodies",
+    "crossings": "use run.events, with simulate(events=[...])",
     "effort": "use run.drive(name).effort, run.coupling(name).effort or run.force(name).effort",
+    "event": 'use run.events[0], or run.events["name"]',
     "export": "use run.save(path): .csv, .nc, .mat, .json, .parquet or .zarr",
     "final_state": "use run.state()",
     "forces": "use run.force(name), or run.joint(name).force for reactions",
     "joints": "use run.joint(name), or run.names.joints",
     "position": "use run.joint(name).position or run.body(name).position",
     "reaction": "use run.joint(name).force and .moment",
+    "t_events": 'use run.events.t, or run.events["name"].t',
     "tension": "use run.force(name).force, or run.coupling(name).tension of a distance",
     "time": "use run.t",
     "times": "use run.t",
     "to_csv": 'use run.save("run.csv")',
     "torque": "use run.drive(name).effort, or run.force(name).effort",
     "velocity": "use run.joint(name).velocity or run.body(name).velocity",
+    "y_events": "use run.events[0].before: a state",
 }
 """What a result does not have, by the names under which people look for it -> what to use."""
 
@@ -205,7 +209,8 @@ class Result(Run):
     def to_xarray(self) -> xarray.Dataset:
         """All arrays as an `xarray.Dataset`: dimensions `time`, `joint`, `body`, `axis`, `coordinate`, ... with the
         names as coordinates, `units` and `long_name` of every array, and `model` (JSON) and `account` as text;
-        attributes hold the settings and the certificate. `save("x.nc")` stores this dataset. `MissingDependencyError`
+        attributes hold the settings and the certificate. Events that happened are `event_t`, `event_name` and
+        `event_direction` along the dimension `event`. `save("x.nc")` stores this dataset. `MissingDependencyError`
         without xarray.
 
         >>> import partita as pt
@@ -274,7 +279,7 @@ class Result(Run):
         direction), "paths" (of `points`, {name: (body, point in body axes)}, or of the joints), "energy", "measure",
         "closure", or the name of a joint or of a sensor. `x` names a coordinate, joint or sensor as abscissa instead of
         time, for instance a crank angle. Angles are in degrees, reduced to one turn. `ax`: existing Matplotlib axes to
-        draw a single panel into.
+        draw a single panel into. Over time events are thin lines with their names, where there are few.
 
         Nothing is shown on the screen; in a notebook the figure displays itself. Raises `UnknownNameError` with the
         most similar names, and `ArgumentError` if a word cannot be combined with `x` or `ax`.
@@ -300,7 +305,8 @@ class Result(Run):
         """Write one self-contained page with the animated mechanism; it opens from disk without a network.
 
         `shapes` draws bodies as boxes, cylinders, wheels, balls, plates, rods; `points` marks points and traces their
-        paths. Both are described at `partita.viewer.html`. The page is light or dark, as its reader prefers.
+        paths. Both are described at `partita.viewer.html`. Events are marked over the slider of time and listed. The
+        page is light or dark, as its reader prefers.
 
         >>> import os, tempfile
         >>> import partita as pt
@@ -393,6 +399,8 @@ class Result(Run):
             ("steps", f"{self.counters.get('steps', 0)}, {self._switches} switches of coordinates"),
             ("coordinates", names(self.names.coordinates)),
         ]
+        if self.events.names:
+            rows.append(("events", names([record.name for record in self.events])))
         if self.is_mechanism:
             rows += [("joints", names(self.names.joints)), ("bodies", names(self.names.bodies))]
         if "certificate" in self.__dict__:

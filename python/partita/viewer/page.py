@@ -22,7 +22,7 @@ DRAWS = (
     "plots.js",
 )  # fmt: skip
 """Scripts without reference to the page of a run: drawing and plots, of playgrounds too."""
-SCRIPTS = (*DRAWS, "panel.js", "player.js")
+SCRIPTS = (*DRAWS, "events.js", "panel.js", "player.js")
 
 
 def html(

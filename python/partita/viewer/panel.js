@@ -1,4 +1,4 @@
-// The list of coordinates with their measure, the read-outs, and the log of switches.
+// The list of coordinates with their measure, the read-outs, the log of switches, and the events.
 
 const FEW = 12; // up to this many coordinates are all shown
 const MATTER = 10; // of more, those that matter, until all are asked for
@@ -23,7 +23,7 @@ function magnitude(line, least, unit) {
 }
 
 class Panel {
-  constructor(run, jumpTo) {
+  constructor(run, events, jumpTo) {
     this.run = run;
     this.list = document.getElementById("bars");
     this.curveOf = new Map(run.scene.curves.map((curve) => [curve.name, curve]));
@@ -48,6 +48,7 @@ class Panel {
     this.choose();
     this.readouts = this.makeReadouts();
     this.makeLog(jumpTo);
+    events.list(document.getElementById("happened"), jumpTo);
   }
 
   /** What the bars show, in words. */

@@ -6,8 +6,10 @@ const canvas = byId("view");
 const scene = new Scene(run, canvas);
 // of a motion between outputs that is not known, nothing is gained by showing it slowly
 const rate = run.scene.apart ? 0 : motionRate(run, spanOf(scene.near || scene.extent));
-const plots = new Plots(run, rate, (t) => { play(false); show(run.frameAt(t)); });
-const panel = new Panel(run, (t) => show(run.frameAt(t)));
+const jumpTo = (t) => { play(false); show(run.frameAt(t)); };
+const events = new Events(run);
+const plots = new Plots(run, rate, jumpTo, events);
+const panel = new Panel(run, events, jumpTo);
 
 const duration = run.t[run.frames - 1] - run.t[0];
 let frame = 0, playing = false, instant = run.t[0], before = 0, speed = 1, waiting = false, ticking = 0;
@@ -85,12 +87,14 @@ function fillSpeeds() {
   byId("speed").addEventListener("change", (e) => { speed = Number(e.target.value); });
 }
 
-function nextSwitch(direction) {
-  const times = run.scene.switches.map((s) => s.t), now = run.timeOf(frame), near = 0.5 * duration / run.frames;
+/** From one of these times to the next, or to the one before. */
+function jumpAmong(times, direction) {
+  play(false);
+  const now = run.timeOf(frame), near = 0.5 * duration / run.frames;
   const found = direction > 0
     ? times.find((t) => run.frameAt(t) > frame)
     : times.filter((t) => t < now - near && run.frameAt(t) < frame).pop();
-  if (found !== undefined) show(run.frameAt(found));
+  if (found !== undefined) jumpTo(found);
 }
 
 function fillTicks() {
@@ -99,6 +103,7 @@ function fillTicks() {
     mark.style.left = `${(100 * run.frameAt(s.t)) / Math.max(1, run.frames - 1)}%`;
     byId("ticks").append(mark);
   }
+  events.mark(byId("marks"), jumpTo);
 }
 
 // ---- tools
@@ -170,7 +175,8 @@ function onKey(e) {
     else camera.turnTo(camera.azimuth - turn * arrows[0], camera.elevation + turn * arrows[1]);
   } else if (e.key === " " && !control) play(!playing);
   else if (e.key === "," || e.key === ".") { play(false); show(frame + (e.key === "." ? 1 : -1)); }
-  else if (e.key === "[" || e.key === "]") { play(false); nextSwitch(e.key === "]" ? 1 : -1); }
+  else if (e.key === "[" || e.key === "]") jumpAmong(run.scene.switches.map((s) => s.t), e.key === "]" ? 1 : -1);
+  else if ((e.key === "e" || e.key === "E") && tag !== "SELECT") jumpAmong(events.all.map((one) => one.t), e.shiftKey ? -1 : 1);
   else if (e.key === "Home" && !scrolls) show(0);
   else if (e.key === "End" && !scrolls) show(run.frames - 1);
   else if (e.key === "d" || e.key === "D") toTheme(otherTheme());

@@ -3,11 +3,13 @@
 // Curves that vary by less are drawn as constant. Scale: fraction of their largest value. Reason: as in figures.
 const CONSTANT = 1e-4;
 const MOST_PLOTS = 8;
+const MOST_LINES = 30; // of events; more would hide the curves
 const MOST_TURNS = 8; // turns of the motion on a plot at first; of a run with many more a part is shown at a time
 
 class Plots {
-  constructor(run, rate, jumpTo) {
+  constructor(run, rate, jumpTo, events) {
     this.run = run;
+    this.events = events;
     this.jumpTo = jumpTo;
     this.curves = run.scene.curves;
     this.list = []; // shown: {curve, canvas, still}
@@ -191,6 +193,15 @@ class Plots {
       c.textAlign = "left";
       c.fillText(text, left, box.height - 4);
     }
+    const times = this.events ? this.events.times(start, end) : []; // playgrounds have none
+    c.strokeStyle = COLOURS.quiet;
+    c.globalAlpha = 0.7;
+    c.setLineDash([2, 3]);
+    for (const x of times.length > MOST_LINES ? [] : times) {
+      c.beginPath(); c.moveTo(X(x), box.top); c.lineTo(X(x), box.bottom); c.stroke();
+    }
+    c.setLineDash([]);
+    c.globalAlpha = 1;
     c.beginPath(); c.rect(box.left, 0, box.right - box.left + 1, box.bottom + 1); c.clip();
     const from = Math.max(0, this.run.frameAt(start) - 1), to = Math.min(this.run.frames, this.run.frameAt(end) + 2);
     values.forEach((line, n) => {

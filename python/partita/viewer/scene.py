@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..result_view import FEW, ResultView, given, scales, turn_between_outputs, understood
+from ..result_view import FEW, ResultView, given, happened, scales, turn_between_outputs, understood
 from ..tolerance import EQUAL_IN_SIX_DIGITS, LEAST_DIVISOR, NEGLIGIBLE
 from .couplings import Pictures, pictures
 from .curves import curves, efforts, loads_open
@@ -27,6 +27,8 @@ ENOUGH = np.radians(10.0)
 MOST_SWITCHES = 2000
 MOST_FULL = 400
 """Number of switches described in words; beyond it only their times are marked."""
+MARKS = 1000
+"""Parts of the run of which each has the mark of one event at most, behind the first `MOST_FULL`."""
 
 
 def describe(
@@ -109,6 +111,7 @@ def _described(
         "given": given(result),
         "switches": switches,
         "switchCount": len(switches),
+        "events": _events(result),
         "scales": scales(result),
         "curves": drawn,
         "firstCurves": first,
@@ -474,6 +477,22 @@ def _switches(result: ResultView) -> list[dict[str, Any]]:
     changes = [change for change in result.partitions if change.entering or change.leaving]
     return [{"t": float(c.t), "entering": list(c.entering), "leaving": list(c.leaving), "reason": str(c.reason)}
             for c in changes[:MOST_FULL]] + [{"t": float(c.t)} for c in changes[MOST_FULL:MOST_SWITCHES]]  # fmt: skip
+
+
+def _events(result: ResultView) -> dict[str, Any]:
+    """Names, the number of events, and [time, number of the name, direction] of the first ones and of one of each part
+    of the run after them."""
+    events = happened(result)
+    names = list(dict.fromkeys([*getattr(events, "names", ()), *(event.name for event in events)]))
+    times = np.array([event.t for event in events], dtype=float)
+    shown = list(range(min(len(times), MOST_FULL)))
+    if len(times) > MOST_FULL:
+        span = float(result.t[-1] - result.t[0]) or 1.0
+        parts = np.floor((times[MOST_FULL:] - float(result.t[0])) * (MARKS / span))
+        shown += (MOST_FULL + np.unique(parts, return_index=True)[1]).tolist()
+    number = {name: i for i, name in enumerate(names)}
+    rows = [[float(events[i].t), number[events[i].name], int(events[i].direction)] for i in shown]
+    return {"names": names, "count": len(events), "rows": rows}
 
 
 def _listed(axis: FloatArray | None) -> list[float] | None:
