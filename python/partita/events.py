@@ -53,8 +53,9 @@ class Release:
 
 @dataclass(frozen=True)
 class SetRates:
-    """An action of an event: joints get these rates at once, by the impulses along them that this takes. Everything else
-    follows with the least change in the mass metric: as if hit along those coordinates alone.
+    """An action of an event: joints get these rates at once, by the impulses along them that this takes.
+
+    Everything else follows with the least change in the mass metric: as if hit along those coordinates alone.
 
     >>> import partita as pt
     >>> pt.SetRates({"A": 2.0})

@@ -114,7 +114,7 @@ impl StepLog {
     /// The numbers of the stepper in step i, and the singular positions inside.
     pub(crate) fn numbers(&self, i: usize) -> (&[f64], &[f64]) {
         let step = &self.steps[i];
-        self.blocks[step.block as usize][step.places()].split_at(step.count as usize)
+        self.blocks[step.block as usize][step.indices()].split_at(step.count as usize)
     }
 
     /// Whether a step that ends at t is to be kept: one that an integration which was set back repeats is not, as outputs are
@@ -142,7 +142,7 @@ impl StepLog {
         let Some(choice) = self.choice_of(formulation) else { return };
         let (turns, margins) = (self.turns_of(turns), formulation.step_margins());
         // about as many numbers as the step before
-        let block = self.block_for(self.steps.last().map_or(0, |last| last.places().len()));
+        let block = self.block_for(self.steps.last().map_or(0, |last| last.indices().len()));
         let numbers = &mut self.blocks[block];
         let first = numbers.len();
         if !save(numbers) {
@@ -220,7 +220,7 @@ impl StepLog {
                 of = Some(step.choice);
             }
             let turns = self.turns_of(&before.turns[step.turns as usize]);
-            let numbers = &before.blocks[step.block as usize][step.places()];
+            let numbers = &before.blocks[step.block as usize][step.indices()];
             let block = self.block_for(numbers.len());
             let (choice, first) = (self.choices.len() as u32 - 1, self.blocks[block].len() as u32);
             self.blocks[block].extend_from_slice(numbers);
@@ -232,8 +232,8 @@ impl StepLog {
 }
 
 impl LoggedStep {
-    /// The places of its numbers in their block.
-    fn places(&self) -> Range<usize> {
+    /// The indices of its numbers in their block.
+    fn indices(&self) -> Range<usize> {
         let first = self.first as usize;
         first..first + (self.count + self.located) as usize
     }

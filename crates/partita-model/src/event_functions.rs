@@ -18,12 +18,12 @@ use std::f64::consts::TAU;
 use std::fmt::{Debug, Formatter};
 use std::sync::Arc;
 
-/// Longest time over which the rate of a function of the user is taken from a difference [s]. Reason: short beside all that
-/// such functions of time alone describe, and long beside the rounding of times.
+/// Longest time over which the rate of a function of the user is taken from a difference. Scale: s. Reason: short beside
+/// all that such functions of time alone describe, and long beside the rounding of times.
 const LONGEST_DIFFERENCE: f64 = 1e-6;
-/// Displacement over which that is done. Scale: characteristic displacement. Reason: the rounding of the values and the
-/// curvature between them are as small as each other.
-const DIFFERENCE: f64 = 1e-7;
+/// Displacement over which the rate of a function of the user is taken from a difference. Scale: characteristic
+/// displacement. Reason: the rounding of the values and the curvature between them are as small as each other.
+const MOVED_DIFFERENCE: f64 = 1e-7;
 
 /// A number that is followed along a motion.
 #[derive(Clone, Debug, Deserialize)]
@@ -266,7 +266,8 @@ impl<S: ConstrainedSystem> Formulas<S> {
         let failed = |source| SystemError::Function { what: format!("event \"{name}\""), source };
         let x = self.functions.scalar(i, at.t, &at.q, &at.v).map_err(failed)?;
         let fastest = self.system.travel(&at.v).max(self.system.travel(&at.vdot).sqrt());
-        let span = (DIFFERENCE / fastest).min(LONGEST_DIFFERENCE).max(tolerance::DIFFERENCE_ROUNDING * at.t.abs());
+        let span =
+            (MOVED_DIFFERENCE / fastest).min(LONGEST_DIFFERENCE).max(tolerance::DIFFERENCE_ROUNDING * at.t.abs());
         // not before the start
         let h = if self.start.is_some_and(|start| at.t - span >= start) { -span } else { span };
         self.q.copy_from_slice(&at.q);

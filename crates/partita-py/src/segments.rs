@@ -144,14 +144,16 @@ impl Reported for SegmentsLog {
     }
 }
 
-/// Number of an event, what happened, whether its function rises, time, coordinates, velocities before and after, impulses
-/// along the rows and the energy lost.
-type Happened = (usize, &'static str, bool, f64, Vec<f64>, Vec<f64>, Vec<f64>, Vec<f64>, f64);
+/// Impulses along the rows, of the joints, and the energy lost.
+type Impulses = (Vec<f64>, Vec<([f64; 6], [bool; 6])>, f64);
+/// Number of an event, what happened, whether its function rises, time, coordinates, velocities before and after, and
+/// impulses.
+type Happened = (usize, &'static str, bool, f64, Vec<f64>, Vec<f64>, Vec<f64>, Impulses);
 
 fn happened(x: &Happening) -> Happened {
     let (before, q) = (&x.before, whole(&x.before).collect());
-    let (v, after, impulses) = (before.v.clone(), x.after.clone(), x.impulses.clone());
-    (x.event, x.kind.word(), x.rises, before.t, q, v, after, impulses, x.energy_lost)
+    let impulses = (x.impulses.clone(), x.joints.clone(), x.energy_lost);
+    (x.event, x.kind.word(), x.rises, before.t, q, before.v.clone(), x.after.clone(), impulses)
 }
 
 /// Integrate a mechanism whose events act, as `run` does, and return the dictionary of results.

@@ -71,20 +71,20 @@ def observed(
     """Events as given by the user, for this model; None where there are none. Also the model with the drives by which
     they act, and those of the joints that are `locked` at the start."""
     found = listed(events)
-    holds = _Holds(mechanism)
-    at_start = [name for joint in _joints(locked) for name in holds.locked("locked", joint, None)]
+    acting = _Actions(mechanism)
+    at_start = [name for joint in _joints(locked) for name in acting.locked("locked", joint, None)]
     if not found and not at_start:
         return None, model
     maker = _Maker(mechanism, model, layout)
     watched = written(found, maker.formula, maker.functions)
-    actions = [holds.actions(event, maker) for event in found]
-    if not holds.drives:
+    actions = [acting.actions(event, maker) for event in found]
+    if not acting.drives:
         return watched, model
     if watched is None:
         watched = Observed((), None, "[]", [])
-    acts = {"switched": list(holds.drives), "locked": at_start, "actions": actions}
+    acts = {"switched": list(acting.drives), "locked": at_start, "actions": actions}
     watched = replace(watched, acts=json.dumps(acts))
-    return watched, model.with_more_drives(list(holds.drives.values()))
+    return watched, model.with_more_drives(list(acting.drives.values()))
 
 
 def _joints(locked: Any) -> list[Any]:
@@ -95,7 +95,7 @@ def _joints(locked: Any) -> list[Any]:
     return list(locked)
 
 
-class _Holds:
+class _Actions:
     """Drives by which events act: what they hold."""
 
     def __init__(self, mechanism: Modelled) -> None:

@@ -197,7 +197,13 @@ ACCOUNT = table(
     options=by_name(anything),
     may_events=table(
         may_names=many(text),
-        may_records=many(table(name=text, kind=text, direction=number, t=number, q=many(number), v=many(number))),
+        may_records=many(
+            table(
+                name=text, kind=text, direction=number, t=number, q=many(number), v=many(number),
+                may_after=many(number), may_impulses=by_name(number), may_energy_lost=number,
+                may_joints=by_name(row(row(*6 * [number]), row(*6 * [flag]))),
+            )
+        ),
     ),
     may_version=text,
     may_certificate=CERTIFICATE,

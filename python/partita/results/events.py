@@ -7,12 +7,28 @@ from dataclasses import dataclass, field
 from typing import Any, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..naming import driven, index_of
 from ..notebook import MOST_ROWS, names, table
 from ..state import Layout, State
 
+FloatArray = NDArray[np.float64]
 CROSSING = "crossing"
+
+
+@dataclass(frozen=True, eq=False)
+class Impulse:
+    """An impulse at an event: of a joint on its child, or along what a lock, a stop or another drive holds."""
+
+    effort: float | None = None
+    """Along what is held [N s] or [N m s], positive where it drives it up; None for a joint."""
+    force: FloatArray | None = None
+    """(3,): of a joint, in world axes [N s]; None for others."""
+    moment: FloatArray | None = None
+    """(3,): about the joint's point [N m s], what is held along its coordinates included."""
+    determined: NDArray[np.bool_] | None = None
+    """(6,): whether each component of force and moment is determined by the mechanism."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +46,8 @@ class EventRecord:
     """The state there, which a run can start from (`initial=`)."""
     after: State
     """The state from which the motion goes on: the same where nothing acts on it."""
-    impulses: Mapping[str, float] = field(default_factory=dict)
-    """Impulses [N s, N m s] of the drives, locks and stops that act at an impact, by name."""
+    impulses: Mapping[str, Impulse] = field(default_factory=dict)
+    """Where velocities jump: the impulses of all joints by name, and those of what holds: "lock of A", "stop wall"."""
     energy_lost: float = 0.0
     """Loss of kinetic energy [J]."""
 
@@ -120,13 +136,15 @@ def written(
         return {"names": list(names), "records": found}
     drives = driven(summary)
     records = []
-    for event, kind, rises, t, q, before, after, impulses, lost in happened:
+    joints = [joint["name"] for joint in summary.get("joints", ())]
+    for event, kind, rises, t, q, before, after, (impulses, of_joints, lost) in happened:
         item = {"name": names[event], "kind": kind, "direction": 1 if rises else -1, "t": t, "q": q, "v": before}
         if after != before:
             item["after"] = after
         if impulses:
             along = {name: impulses[rows[0]] for name, rows in drives.items() if len(rows) == 1}
             item["impulses"] = {name: x for name, x in along.items() if x != 0.0}
+            item["joints"] = {name: [list(w), list(known)] for name, (w, known) in zip(joints, of_joints, strict=True)}
             item["energy_lost"] = lost
         records.append(item)
     return {"names": list(names), "records": records}
@@ -141,6 +159,10 @@ def events_of(data: Mapping[str, Any], layout: Layout) -> Events:
         if "after" in item:
             after = State.computed(before.t, q.copy(), np.array(item["after"], dtype=float), layout)
         name, kind, direction = str(item["name"]), str(item["kind"]), int(item["direction"])
-        impulses, lost = dict(item.get("impulses", {})), float(item.get("energy_lost", 0.0))
+        lost = float(item.get("energy_lost", 0.0))
+        impulses = {str(name): Impulse(effort=float(x)) for name, x in item.get("impulses", {}).items()}
+        for joint, (wrench, known) in item.get("joints", {}).items():
+            force, moment = np.array(wrench[:3], dtype=float), np.array(wrench[3:], dtype=float)
+            impulses[str(joint)] = Impulse(None, force, moment, np.array(known, dtype=bool))
         records.append(EventRecord(before.t, name, kind, direction, before, after, impulses, lost))
     return Events([str(name) for name in data.get("names", ())], records)

@@ -30,14 +30,14 @@ pub fn checks(model: &Model, states: &States, forces: &Forces, watch: Watch) -> 
         let along = |r: usize| pattern.row(r).map(|e| levels.c[e] * vdot[pattern.col_idx[e]]).sum::<f64>();
         let finite = vdot.iter().all(|x| x.is_finite());
         // a drive that does not hold asks for nothing
-        let holds = |r: usize| !switched[r] || lambda[r] != 0.0;
-        let violation = |r: usize| match (finite, holds(r)) {
+        let acts = |r: usize| !switched[r] || lambda[r] != 0.0;
+        let violation = |r: usize| match (finite, acts(r)) {
             (true, true) => along(r) + levels.b[r],
             (true, false) => 0.0,
             (false, _) => f64::NAN,
         };
         let (acceleration, at) = worst(&mut (0..pattern.rows).map(violation));
-        let (_, phi) = worst(&mut levels.phi.iter().enumerate().map(|(r, x)| if holds(r) { *x } else { 0.0 }));
+        let (_, phi) = worst(&mut levels.phi.iter().enumerate().map(|(r, x)| if acts(r) { *x } else { 0.0 }));
         let (rank, smallest) = match rank_here(model.permanent(), t, q) {
             Ok(found) => (found.rank as f64, found.smallest),
             Err(SystemError::Singular { .. } | SystemError::Mass { .. }) => (f64::NAN, 0.0),

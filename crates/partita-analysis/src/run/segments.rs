@@ -3,7 +3,9 @@
 
 use super::impact::{Impact, OneSided, Reached};
 use super::{Request, Run};
+use crate::determined::determined;
 use crate::error::AnalysisError;
+use crate::outputs::{reactions, Forces, States};
 use partita_integrate::simulate::{Observe, Outcome, Status};
 use partita_math::tolerance;
 use partita_model::Model;
@@ -112,8 +114,35 @@ pub struct Happening {
     pub after: Vec<f64>,
     /// Impulses along all rows of the whole mechanism; empty where there are none.
     pub impulses: Vec<f64>,
+    /// Of the joints, on their children in world axes: force and moment about the joint's point, and which of these
+    /// components are determined.
+    pub joints: Vec<([f64; 6], [bool; 6])>,
     /// Loss of kinetic energy.
     pub energy_lost: f64,
+}
+
+/// Impulses of all joints with which velocities change by `dv`, with those along the rows.
+fn of_joints(
+    model: &Model,
+    (t, q): (f64, &[f64]),
+    dv: &[f64],
+    along: &[f64],
+) -> Result<Vec<([f64; 6], [bool; 6])>, AnalysisError> {
+    let (times, rest, none) = ([t], vec![0.0; dv.len()], vec![0.0; along.len()]);
+    let states = States { t: &times, q, v: &rest };
+    // reactions are linear in accelerations and multipliers: the loads of the instant are in both
+    let with = reactions(model, &states, &Forces { vdot: dv, multipliers: along }, &mut || Ok(()))?;
+    let without = reactions(model, &states, &Forces { vdot: &rest, multipliers: &none }, &mut || Ok(()))?;
+    let known = determined(model.permanent(), t, q, false)?;
+    let part = |table: usize, i: usize| with[table][i] - without[table][i];
+    let joint = |(j, known): (usize, [bool; 6])| {
+        let mut wrench = [0.0; 6];
+        for i in 0..3 {
+            (wrench[i], wrench[3 + i]) = (part(0, 3 * j + i), part(1, 3 * j + i));
+        }
+        (wrench, known)
+    };
+    Ok(known.into_iter().enumerate().map(joint).collect())
 }
 
 /// A part of a run.
@@ -287,11 +316,11 @@ impl<'p> Maker<'p> {
             return Ok(found.clone());
         }
         let pressing: BTreeSet<&String> = mode.pressing.iter().map(|&i| &self.stops[i].drive).collect();
-        let holds = |name: &str| {
+        let acts = |name: &str| {
             let switched = self.plan.switched.iter().any(|x| x == name);
             !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned())
         };
-        let made = Arc::new(self.plan.model.with_drives(&holds)?);
+        let made = Arc::new(self.plan.model.with_drives(&acts)?);
         let rows = self.plan.model.rows_of(&made);
         let found = (made, rows);
         self.models.insert(mode.clone(), found.clone());
@@ -380,6 +409,7 @@ impl<'p> Maker<'p> {
                     before: x.state.clone(),
                     after: x.state.v.clone(),
                     impulses: Vec::new(),
+                    joints: Vec::new(),
                     energy_lost: 0.0,
                 });
             }
@@ -467,12 +497,15 @@ impl<'p> Maker<'p> {
             false => (before.v.clone(), 0.0, Vec::new()),
         };
         let energy = -lost;
+        let dv: Vec<f64> = v.iter().zip(&before.v).map(|(after, before)| after - before).collect();
+        let joints = if jumps { of_joints(&self.plan.model, (t, &q), &dv, &impulses)? } else { Vec::new() };
         for (event, rises, kind) in done {
             let own = matches!(kind, Kind::Impact | Kind::Lock | Kind::Rates);
             let impulses = if own { impulses.clone() } else { Vec::new() };
+            let joints = if own { joints.clone() } else { Vec::new() };
             let energy_lost = if own { std::mem::take(&mut lost) } else { 0.0 };
             let (before, after) = (before.clone(), v.clone());
-            self.happenings.push(Happening { event, kind, rises, before, after, impulses, energy_lost });
+            self.happenings.push(Happening { event, kind, rises, before, after, impulses, joints, energy_lost });
         }
         if let Some((i, rest)) = accumulated {
             let mut at = Output { v: v.clone(), ..before.clone() };
@@ -484,6 +517,7 @@ impl<'p> Maker<'p> {
                 before: at,
                 after: v.clone(),
                 impulses: Vec::new(),
+                joints: Vec::new(),
                 energy_lost: 0.0,
             });
         }
@@ -514,7 +548,8 @@ impl<'p> Maker<'p> {
             let low = |&i: &usize| {
                 let (side, size) = (sides[i], self.stops[closed[i]].size);
                 let (rate, growth) = (after.rate(side), after.growth(side, &pushed.v));
-                !stays[i] && growth < 0.0 && rate * rate <= -2.0 * growth * tolerance::CLOSED * size
+                let height = -0.5 * rate * rate / growth;
+                !stays[i] && growth < 0.0 && height <= tolerance::CLOSED * size
             };
             let fallen: Vec<usize> = (0..sides.len()).filter(low).collect();
             if fallen.is_empty() {

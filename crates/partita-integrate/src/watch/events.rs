@@ -10,6 +10,9 @@ use partita_math::tolerance;
 use partita_system::event::{Event, Occurrence};
 use partita_system::SystemError;
 
+/// Zeros of different functions that are closer are at one instant. Scale: multiples of how exactly each is located.
+/// Reason: both may be off by that.
+const ONE_INSTANT: f64 = 2.0;
 /// How much farther from the zero each further trial of a step may end that ends at an event. Scale: multiples. Reason:
 /// from rounding to the error of the loosest tolerance in a dozen trials.
 const WIDER: f64 = 10.0;
@@ -44,7 +47,7 @@ pub(crate) struct EventWatch {
     zeros: Vec<Zero>,
     /// In how many steps the readings did not decide about each, and in the concluded one.
     undecided: Vec<u64>,
-    doubtful: Vec<bool>,
+    unclear: Vec<bool>,
     /// Trials of a step that ends at an event.
     trials: i32,
     /// Occurrences allowed.
@@ -56,8 +59,8 @@ impl EventWatch {
     /// These events, with at most so many occurrences.
     pub(crate) fn new(events: Vec<Event>, most: usize) -> Self {
         let n = events.len();
-        let (count, size, undecided, doubtful) = (vec![0; n], vec![0.0; n], vec![0; n], vec![false; n]);
-        Self { count, size, undecided, doubtful, most, events, ..Self::default() }
+        let (count, size, undecided, unclear) = (vec![0; n], vec![0.0; n], vec![0; n], vec![false; n]);
+        Self { count, size, undecided, unclear, most, events, ..Self::default() }
     }
 
     /// What has happened.
@@ -141,13 +144,13 @@ impl EventWatch {
     /// Whether a function is moved by its rate at the end of an interval, or stays where it is.
     fn moves(&self, e: usize, track: &Track, ends: &[Sample]) -> bool {
         let rate = ends[1].readings[track.count() + e].rate.abs();
-        !self.is_zero(e, track, &ends[0]) || rate * (ends[1].t - ends[0].t) > 2.0 * self.small(e, track, &ends[1])
+        !self.is_zero(e, track, &ends[0]) || rate * (ends[1].t - ends[0].t) > self.small(e, track, &ends[1])
     }
 
     /// All zeros of the step, if its readings show them.
     fn search(&mut self, track: &Track) -> Search {
         self.zeros.clear();
-        self.doubtful.fill(false);
+        self.unclear.fill(false);
         let samples = track.samples();
         for (i, ends) in samples.windows(2).enumerate() {
             for e in (0..self.events.len()).filter(|&e| self.count[e] < self.events[e].most) {
@@ -162,7 +165,7 @@ impl EventWatch {
                 match interval.shown(track) {
                     Shown::Clear => {}
                     Shown::Doubtful(t) if !track.is_full() => return Search::Unclear(t),
-                    Shown::Doubtful(_) => self.doubtful[e] = true,
+                    Shown::Doubtful(_) => self.unclear[e] = true,
                     Shown::Crossed(t) => self.zeros.push(Zero { t, event: e, rises: !after }),
                 }
                 // one at the start of the step belongs to the step before
@@ -182,7 +185,7 @@ impl EventWatch {
         for i in 1..self.zeros.len() {
             // those of different functions that are as close as they are located are one instant
             let [before, zero] = [self.zeros[i - 1], self.zeros[i]];
-            if zero.event != before.event && zero.t - before.t <= 2.0 * self.resolution(zero.t) {
+            if zero.event != before.event && zero.t - before.t <= ONE_INSTANT * self.resolution(zero.t) {
                 self.zeros[i].t = before.t;
             }
         }
@@ -267,6 +270,6 @@ impl Watch for EventWatch {
     fn accept(&mut self, _track: &Track) {
         self.zeros.clear();
         self.trials = 0;
-        self.undecided.iter_mut().zip(&self.doubtful).for_each(|(count, doubtful)| *count += u64::from(*doubtful));
+        self.undecided.iter_mut().zip(&self.unclear).for_each(|(count, unclear)| *count += u64::from(*unclear));
     }
 }

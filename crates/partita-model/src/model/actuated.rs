@@ -59,12 +59,12 @@ impl Model {
         Ok(made)
     }
 
-    /// The same mechanism in the same coordinates with those of its drives alone whose names `holds` accepts.
+    /// The same mechanism in the same coordinates with those of its drives alone whose names `acts` accepts.
     ///
     /// # Errors
     /// Where its equations cannot be made.
-    pub fn with_drives(&self, holds: &dyn Fn(&str) -> bool) -> Result<Self, DescriptionError> {
-        let kept = self.spec.drives.iter().filter(|drive| holds(&drive.name)).cloned().collect();
+    pub fn with_drives(&self, acts: &dyn Fn(&str) -> bool) -> Result<Self, DescriptionError> {
+        let kept = self.spec.drives.iter().filter(|drive| acts(&drive.name)).cloned().collect();
         self.with_rows(kept, &[])
     }
 
