@@ -265,7 +265,8 @@ def test_a_beam_that_falls_flat_on_three_stops() -> None:
     hits = [record for record in run.events if record.kind == "impact"]
     speed = math.sqrt(2.0 * 9.81)
     assert len(hits) == 3 and len({record.t for record in hits}) == 1
-    assert sum(hits[0].impulses[f"stop {name}"].effort for name in ends) == pytest.approx(6.0 * 1.5 * speed, rel=1e-9)
+    pushed = [x.effort for name, x in hits[0].impulses.items() if name.startswith("stop ")]
+    assert sum(pushed) == pytest.approx(6.0 * 1.5 * speed, rel=1e-9)
     assert np.allclose(hits[0].after.v, -0.5 * hits[0].before.v, rtol=0.0, atol=1e-9)
     long = m.simulate(5.0, events=stops, rtol=1e-9, atol=1e-9)
     pressed = sum(long.drive(f"stop {name}").effort[-1, 0] for name in ends)
