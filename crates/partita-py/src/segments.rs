@@ -170,16 +170,9 @@ pub fn run<'py>(
     let Written { switched, locked, actions } =
         serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
     let observe = Events::new(events)?.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
-    let plan = Plan {
-        model: model.clone(),
-        switched,
-        locked,
-        events: observe.events,
-        actions,
-        functions: observe.functions,
-        most: observe.most,
-    };
-    let go = |watch: Stopping| in_segments(plan, request, &t_eval, (q, v), watch);
+    let plan = Plan { model: model.clone(), switched, locked, events: observe.events, actions, most: observe.most };
+    let functions = observe.functions;
+    let go = |watch: Stopping| in_segments(&plan, functions, request, &t_eval, (q, v), watch);
     let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;
     reported_segments(py, model, found, cause)
 }

@@ -226,6 +226,11 @@ impl Impact {
         self.lengths[side.row] * dense::dot(&self.h, &self.h).sqrt() + self.b[side.row].abs()
     }
 
+    /// By how much its force changes its second derivative if nothing else yields.
+    pub fn pushes(&self, side: OneSided, by: &Reached) -> f64 {
+        side.sign * by.multipliers[side.row] * self.lengths[side.row].powi(2)
+    }
+
     /// Its second derivative at these accelerations.
     pub fn growth(&self, side: OneSided, vdot: &[f64]) -> f64 {
         let (row, x) = (side.row, self.to_metric(vdot));

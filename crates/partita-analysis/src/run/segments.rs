@@ -52,12 +52,10 @@ pub struct Plan {
     pub switched: Vec<String>,
     /// Those among them that hold at the start.
     pub locked: Vec<String>,
-    /// Events, what each does, and their functions.
+    /// Events, and what each does.
     pub events: Vec<Event>,
     /// See `events`.
     pub actions: Vec<Vec<Action>>,
-    /// See `events`.
-    pub functions: Box<dyn EventFunctions>,
     /// How many may occur.
     pub most: usize,
 }
@@ -99,6 +97,10 @@ impl Kind {
     }
 }
 
+/// Of a joint on its child in world axes: force and moment about the joint's point, and which of these components are
+/// determined.
+pub type JointImpulse = ([f64; 6], [bool; 6]);
+
 /// An event with both sides of it.
 #[derive(Clone, Debug)]
 pub struct Happening {
@@ -114,9 +116,8 @@ pub struct Happening {
     pub after: Vec<f64>,
     /// Impulses along all rows of the whole mechanism; empty where there are none.
     pub impulses: Vec<f64>,
-    /// Of the joints, on their children in world axes: force and moment about the joint's point, and which of these
-    /// components are determined.
-    pub joints: Vec<([f64; 6], [bool; 6])>,
+    /// Of the joints.
+    pub joints: Vec<JointImpulse>,
     /// Loss of kinetic energy.
     pub energy_lost: f64,
 }
@@ -127,7 +128,7 @@ fn of_joints(
     (t, q): (f64, &[f64]),
     dv: &[f64],
     along: &[f64],
-) -> Result<Vec<([f64; 6], [bool; 6])>, AnalysisError> {
+) -> Result<Vec<JointImpulse>, AnalysisError> {
     let (times, rest, none) = ([t], vec![0.0; dv.len()], vec![0.0; along.len()]);
     let states = States { t: &times, q, v: &rest };
     // reactions are linear in accelerations and multipliers: the loads of the instant are in both
@@ -269,21 +270,8 @@ fn refuse(message: String) -> AnalysisError {
 }
 
 impl<'p> Maker<'p> {
-    fn new(plan: &'p mut Plan) -> Result<(Self, Mode), AnalysisError> {
-        struct Nothing;
-        impl std::fmt::Debug for Nothing {
-            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str("Nothing")
-            }
-        }
-        impl EventFunctions for Nothing {
-            fn read(&mut self, _: &MotionState, _: &mut [Reading]) -> Result<(), SystemError> {
-                Ok(())
-            }
-            fn accept(&mut self, _: f64) {}
-        }
-        let functions = Shared(Arc::new(Mutex::new(std::mem::replace(&mut plan.functions, Box::new(Nothing)))));
-        let plan = &*plan;
+    fn new(plan: &'p Plan, functions: Box<dyn EventFunctions>) -> Result<(Self, Mode), AnalysisError> {
+        let functions = Shared(Arc::new(Mutex::new(functions)));
         let rows: BTreeMap<String, usize> =
             plan.model.drives().iter().map(|drive| (drive.name.clone(), drive.row)).collect();
         let switched: BTreeSet<usize> = plan.switched.iter().filter_map(|name| rows.get(name).copied()).collect();
@@ -475,7 +463,11 @@ impl<'p> Maker<'p> {
         held.extend(next.locked.iter().filter_map(|name| self.rows.get(name)).map(|&row| (row, 0.0)));
         held.extend(&set);
         let rows: Vec<usize> = held[..held.len() - set.len()].iter().map(|x| x.0).collect();
-        let Settled { reached, pressing, accumulated } = self.settled((t, &q), &impact, (&held, &rows), &closed)?;
+        // contacts whose own force passes zero
+        let own = occurred.iter().filter_map(|x| x.event.checked_sub(self.plan.events.len()));
+        let opening: BTreeSet<usize> = own.filter_map(|i| mode.pressing.iter().nth(i).copied()).collect();
+        let Settled { reached, pressing, accumulated } =
+            self.settled((t, &q), &impact, (&held, &rows), (&closed, &opening))?;
         let Reached { v, multipliers, energy } = reached;
         for &i in &closed {
             let stop = &self.stops[i];
@@ -525,13 +517,13 @@ impl<'p> Maker<'p> {
     }
 
     /// Velocities after an instant and the stops that press from there on; `held` are rows with their rates and `rows`
-    /// those that act afterwards.
+    /// those that act afterwards, `opening` the closed stops whose force has just passed zero.
     fn settled(
         &self,
         (t, q): (f64, &[f64]),
         impact: &Impact,
         (held, rows): (&[(usize, f64)], &[usize]),
-        closed: &[usize],
+        (closed, opening): (&[usize], &BTreeSet<usize>),
     ) -> Result<Settled, AnalysisError> {
         let mut sides: Vec<OneSided> = closed.iter().map(|&i| self.stops[i].side).collect();
         let mut stays = vec![false; sides.len()];
@@ -555,9 +547,9 @@ impl<'p> Maker<'p> {
             if fallen.is_empty() {
                 let presses = |&i: &usize| {
                     let still = tolerance::EQUAL * after.strongest(sides[i]);
-                    stays[i]
-                        && after.growth(sides[i], &pushed.v) <= still
-                        && sides[i].sign * pushed.multipliers[sides[i].row] >= 0.0
+                    let force = after.pushes(sides[i], &pushed);
+                    let least = if opening.contains(&closed[i]) { still } else { 0.0 };
+                    stays[i] && after.growth(sides[i], &pushed.v) <= still && force >= least
                 };
                 let pressing = (0..sides.len()).filter(presses).map(|i| closed[i]).collect();
                 return Ok(Settled { reached, pressing, accumulated });
@@ -589,13 +581,14 @@ struct Settled {
 /// # Errors
 /// See [`run`](super::run()); where a later segment cannot begin the run ends there instead.
 pub fn in_segments(
-    mut plan: Plan,
+    plan: &Plan,
+    functions: Box<dyn EventFunctions>,
     request: &Request,
     t_eval: &[f64],
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Segments, AnalysisError> {
-    let (mut maker, mode) = Maker::new(&mut plan)?;
+    let (mut maker, mode) = Maker::new(plan, functions)?;
     let zero = vec![0; q.len()];
     let mut now = Output { t: request.t0, q: q.to_vec(), v: v.to_vec(), turns: zero, ..Output::default() };
     let (mut mode, first, energy) = maker.change(&mode, &now, &[])?;
@@ -622,9 +615,14 @@ pub fn in_segments(
         };
         let occurred: Vec<Occurrence> = run.occurrences.iter().filter(|x| x.state.t == last.t).cloned().collect();
         let changed = maker.change(&mode, &last, &occurred);
-        let over = maker.ends(&occurred) || last.t >= request.t_end;
-        if !over && changed.is_ok() {
+        let ends = maker.ends(&occurred);
+        let over = ends || request.t_end - last.t <= tolerance::SUM_ROUNDING * request.t_end.abs();
+        if let (Ok((_, after, _)), false) = (&changed, ends) {
+            // an output at that instant is the state after it
             run.log.outputs.retain(|x| x.t < last.t);
+            let late = if over { t_eval.partition_point(|t| *t < last.t) } else { t_eval.len() };
+            let at_the_end = |&t: &f64| Output { t, v: after.clone(), ..last.clone() };
+            run.log.outputs.extend(t_eval[late..].iter().map(at_the_end));
         }
         all.push(segment);
         let (next, after, energy) = match changed {
