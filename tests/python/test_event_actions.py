@@ -517,3 +517,38 @@ def test_rates_that_contradict_each_other_end_the_run_with_their_names() -> None
     run = m.simulate(1.0, events=[kick])
     assert not run.success and run.t[-1] <= 0.2 and len(run.t) > 10
     assert "contradict" in run.message and ("rate of A" in run.message or "rate of D" in run.message)
+
+
+def test_all_motions_of_a_joint_in_space_are_held_or_one_of_them() -> None:
+    m = pt.Mechanism("top", gravity=(0, 0, -9.81))
+    top = m.add_body("top", mass=1.0, com=(0.1, 0.2, 0.5), inertia=(0.05, 0.06, 0.02))
+    m.add_spherical("S", m.ground, top, point=(0, 0, 0))
+    start = m.assemble(rates={"S": (0.3, -0.2, 5.0)})
+    stop = pt.Event("stop", lambda t, state: t - 0.3, then=pt.Lock("S"))
+    go = pt.Event("go", lambda t, state: t - 0.6, then=pt.Release("S"))
+    run = m.simulate(1.0, initial=start, events=[stop, go], **TIGHT)
+    assert run.success and [record.kind for record in run.events] == ["lock", "release"]
+    held = (run.t > 0.3) & (run.t < 0.6)
+    assert np.ptp(run.body("top").rotation[held], axis=0).max() < 1e-11 and np.abs(run.v[held]).max() < 1e-12
+    assert run.certificate.verdict == "valid" and np.ptp(run.body("top").rotation[run.t > 0.7], axis=0).max() > 0.1
+    one = m.simulate(
+        0.5, initial=start, events=[pt.Event("s", lambda t, state: t - 0.2, then=pt.Lock("S", 2))], **TIGHT
+    )
+    after = one.v[one.t > 0.2]
+    assert np.abs(after[:, 2]).max() < 1e-11 < np.abs(after[:, 0]).max() and one.certificate.verdict == "valid"
+
+
+def test_a_lock_against_a_drive_ends_the_run_with_its_name() -> None:
+    m = door()
+    m.add_drive("A", velocity=1.0)
+    run = m.simulate(1.0, events=[pt.Event("lock", lambda t, state: t - 0.5, then=pt.Lock("A"))])
+    assert not run.success and run.t[-1] <= 0.5 and "lock of A" in run.message
+
+
+def test_the_rate_of_a_distance_is_set() -> None:
+    m = double_pendulum()
+    reach = pt.Distance("ground", (0, 0, 0), "two", (0, -0.8, 0))
+    length = m.add_sensor("length", reach, "velocity")
+    kick = pt.Event("kick", lambda t, state: t - 0.2, then=pt.SetRates({reach: -1.0}))
+    run = m.simulate(0.3, initial=m.assemble({"A": 0.4, "B": 0.9}), events=[kick], t_eval=[0.1, 0.2, 0.3], **TIGHT)
+    assert run.success and run.sensor(length.name).values[1] == pytest.approx(-1.0, rel=1e-10)

@@ -132,7 +132,10 @@ class _Actions:
 
     def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
         measured = measure(self._mechanism, Element("event", event.name), joint)
-        name = f"rate of {measured['joint']}.{measured['coordinate']}"
+        of_joint = measured["of"] == "joint"
+        name = f"rate of {measured['joint']}.{measured['coordinate']}" if of_joint else f"rate of {measured['of']}"
+        while name in self.drives and self.drives[name]["measure"] != measured:
+            name += "'"
         return [self._drive(name, measured, "velocity", 0.0), float(rate)]
 
     def _stop(self, event: Event, action: Stop, maker: _Maker) -> dict[str, Any]:

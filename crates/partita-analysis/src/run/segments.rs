@@ -429,18 +429,24 @@ impl<'p> Maker<'p> {
         let mut next = mode.clone();
         let mut set: Vec<(usize, f64)> = Vec::new();
         let mut done: Vec<(usize, bool, Kind)> = Vec::new();
+        // an event that holds several coordinates does one thing
+        let mut note = |event: usize, rises: bool, kind: Kind| {
+            if !done.contains(&(event, rises, kind)) {
+                done.push((event, rises, kind));
+            }
+        };
         for x in occurred {
             let Some(actions) = self.plan.actions.get(x.event) else { continue };
             for action in actions {
                 match action {
                     Action::Lock(name) => {
                         if next.locked.insert(name.clone()) {
-                            done.push((x.event, x.rises, Kind::Lock));
+                            note(x.event, x.rises, Kind::Lock);
                         }
                     }
                     Action::Release(name) => {
                         if next.locked.remove(name) {
-                            done.push((x.event, x.rises, Kind::Release));
+                            note(x.event, x.rises, Kind::Release);
                         }
                     }
                     Action::Rates(rates) => {
@@ -449,7 +455,7 @@ impl<'p> Maker<'p> {
                             let row = row.ok_or_else(|| refuse(format!("there is no drive \"{name}\"")))?;
                             set.push((row, *rate));
                         }
-                        done.push((x.event, x.rises, Kind::Rates));
+                        note(x.event, x.rises, Kind::Rates);
                     }
                     Action::Stop { .. } => {}
                 }
