@@ -205,8 +205,8 @@ impl Formulas<Model> {
     ) -> Result<Self, DescriptionError> {
         let mut measures = Vec::new();
         let terms = numbered_all(formulas, &*functions, &mut measures)?;
-        // of axes the plane knows the turn about its normal alone
-        let in_space = measures.iter().any(|(measure, _)| matches!(measure, Measure::Cosine { .. }));
+        // the plane knows nothing of axes and points out of it
+        let in_space = measures.iter().any(|(x, _)| matches!(x, Measure::Cosine { .. } | Measure::Along { .. }));
         let followed: Box<dyn Measures> = match &model.own.engine {
             Engine::Planar(_) if !in_space => {
                 Box::new(FollowedIn::<Planar<f64>>::new(model.clone(), in_plane, &measures)?)

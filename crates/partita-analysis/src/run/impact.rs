@@ -16,6 +16,9 @@ use partita_model::Model;
 use partita_system::prelude::*;
 use partita_system::SystemError;
 
+/// Halvings of the part of the bounces that keeps the energy.
+const HALVINGS: usize = 50;
+
 /// A condition on one side: `sign (C v + a) ≥ 0` where it is closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OneSided {
@@ -121,6 +124,9 @@ impl Impact {
     ) -> Result<(Vec<f64>, Vec<f64>), AnalysisError> {
         let all: Vec<usize> = held.iter().map(|x| x.0).collect();
         let kept = self.independent(&all);
+        // what is held decides about those that follow from it
+        let free = |side: &OneSided| self.independent(&[&kept[..], &[side.row]].concat()).len() > kept.len();
+        let least: Vec<(OneSided, f64)> = least.iter().copied().filter(|x| free(&x.0)).collect();
         let part = |row: usize, x: f64| if self.lengths[row] > 0.0 { x / self.lengths[row] } else { 0.0 };
         let value = |row: usize| held.iter().find(|x| x.0 == row).map_or(0.0, |x| part(row, x.1));
         let equations: Vec<&[f64]> = kept.iter().map(|&i| self.rows.row(i)).collect();
@@ -177,20 +183,35 @@ impl Impact {
     }
 
     /// Velocities after the impulses with which these rows get to these rates, and the one-sided ones do not close
-    /// further.
+    /// further: what is held at once first, then the bounces. Where Newton's law would raise the energy, as a corner of
+    /// unlike stops may, all bounces are the largest part of it that does not.
     ///
     /// # Errors
     /// Where conditions contradict each other.
     pub fn velocities(&self, held: &[(usize, f64)], sides: &[OneSided]) -> Result<Reached, AnalysisError> {
         let held: Vec<(usize, f64)> = held.iter().map(|&(row, rate)| (row, rate - self.a[row])).collect();
-        let least: Vec<(OneSided, f64)> = sides
-            .iter()
-            .map(|&side| {
-                let bounce = side.restitution * self.rate(side).min(0.0);
-                (side, -bounce - side.sign * self.a[side.row])
-            })
-            .collect();
-        let (x, multipliers) = self.nearest(&self.x, &held, &least)?;
+        let (met, _) = self.nearest(&self.x, &held, &[])?;
+        let rates: Vec<f64> = sides.iter().map(|&side| self.rate_of(side, &met).min(0.0)).collect();
+        let bounced = |part: f64| {
+            let least = sides
+                .iter()
+                .zip(&rates)
+                .map(|(&side, rate)| (side, -part * side.restitution * rate - side.sign * self.a[side.row]));
+            self.nearest(&self.x, &held, &least.collect::<Vec<_>>())
+        };
+        let (mut x, mut multipliers) = bounced(1.0)?;
+        let most = dense::dot(&met, &met) * (1.0 + tolerance::LONG_ROUNDING);
+        // drives and rates that are set bring energy of their own
+        let idle = held.iter().all(|x| x.1 == 0.0) && sides.iter().all(|side| self.a[side.row] == 0.0);
+        if idle && dense::dot(&x, &x) > most {
+            let (mut low, mut high) = (0.0, 1.0);
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                let found = bounced(middle)?;
+                *(if dense::dot(&found.0, &found.0) > most { &mut high } else { &mut low }) = middle;
+            }
+            (x, multipliers) = bounced(low)?;
+        }
         let energy = 0.5 * (dense::dot(&x, &x) - dense::dot(&self.x, &self.x));
         let mut v = x;
         dense::cholesky_backward(&self.l, self.nv, &mut v);
@@ -212,8 +233,12 @@ impl Impact {
 
     /// The rate of a one-sided gap: negative where it closes.
     pub fn rate(&self, side: OneSided) -> f64 {
+        self.rate_of(side, &self.x)
+    }
+
+    fn rate_of(&self, side: OneSided, x: &[f64]) -> f64 {
         let row = side.row;
-        side.sign * (self.lengths[row] * dense::dot(self.rows.row(row), &self.x) + self.a[row])
+        side.sign * (self.lengths[row] * dense::dot(self.rows.row(row), x) + self.a[row])
     }
 
     /// The fastest that it may be at these speeds.

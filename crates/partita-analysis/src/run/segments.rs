@@ -366,7 +366,9 @@ impl<'p> Maker<'p> {
         let mut readings = vec![Reading::default(); self.plan.events.len()];
         self.functions.read(state, &mut readings)?;
         let mut closed = Vec::new();
-        for (i, stop) in self.stops.iter().enumerate() {
+        let count = &self.count;
+        let over = |stop: &StopOf| count[stop.event] >= self.plan.events[stop.event].most;
+        for (i, stop) in self.stops.iter().enumerate().filter(|x| !over(x.1)) {
             let gap = stop.side.sign * readings[stop.event].x;
             if gap < -tolerance::OPEN * stop.size {
                 return Err(refuse(format!(

@@ -43,13 +43,17 @@ pub(crate) struct EventWatch {
     size: Vec<f64>,
     /// The longest step so far.
     longest: f64,
+    /// When the integration began, and whether each has left zero since.
+    begins: Option<f64>,
+    left: Vec<bool>,
     /// The zeros of the concluded step that count, in the order of time.
     zeros: Vec<Zero>,
     /// In how many steps the readings did not decide about each, and in the concluded one.
     undecided: Vec<u64>,
     unclear: Vec<bool>,
-    /// Trials of a step that ends at an event.
+    /// Trials of a step that ends at an event, and that event.
     trials: i32,
+    wanted: Option<Zero>,
     /// Occurrences allowed.
     most: usize,
     occurrences: Vec<Occurrence>,
@@ -59,8 +63,9 @@ impl EventWatch {
     /// These events, with at most so many occurrences.
     pub(crate) fn new(events: Vec<Event>, most: usize) -> Self {
         let n = events.len();
-        let (count, size, undecided, unclear) = (vec![0; n], vec![0.0; n], vec![0; n], vec![false; n]);
-        Self { count, size, undecided, unclear, most, events, ..Self::default() }
+        let (count, size, undecided) = (vec![0; n], vec![0.0; n], vec![0; n]);
+        let (unclear, left) = (vec![false; n], vec![false; n]);
+        Self { count, size, undecided, unclear, left, most, events, ..Self::default() }
     }
 
     /// What has happened.
@@ -107,12 +112,19 @@ impl EventWatch {
     pub(crate) fn ending(&self) -> Option<&str> {
         let last = self.occurrences.last()?;
         let at = self.occurrences.iter().rev().take_while(|x| x.state.t == last.state.t);
-        at.map(|x| x.event).find(|e| self.events[*e].last == Some(self.count[*e])).map(|e| &*self.events[e].name)
+        at.map(|x| x.event)
+            .find(|e| self.events[*e].last.is_some_and(|last| self.count[*e] >= last))
+            .map(|e| &*self.events[e].name)
     }
 
     /// How exactly times near t are located.
     fn resolution(&self, t: f64) -> f64 {
         tolerance::SUM_ROUNDING * t.abs() + tolerance::LONG_ROUNDING * self.longest
+    }
+
+    /// The shortest step that is taken to an event.
+    fn shortest(&self, from: f64) -> f64 {
+        tolerance::LONG_ROUNDING * (from.abs() + self.longest)
     }
 
     /// A reading of event e that is zero as far as it, motions and times are known.
@@ -126,6 +138,23 @@ impl EventWatch {
         sides(at.readings[track.count() + e], self.small(e, track, at))
     }
 
+    /// Whether a function is as near to zero as where an integration begins at its zero.
+    fn is_within(&self, e: usize, track: &Track, at: &Sample) -> bool {
+        at.readings[track.count() + e].x.abs() <= tolerance::LONG_ROUNDING * self.size[e]
+    }
+
+    /// The side to which a function goes that has not yet left the zero at which the integration began.
+    fn rests(&self, e: usize, track: &Track, ends: &[Sample]) -> Option<bool> {
+        if self.left[e] || self.events[e].side.is_some() || !self.is_within(e, track, &ends[0]) {
+            return None;
+        }
+        let moved = (ends[1].t - ends[0].t) * ends[0].readings[track.count() + e].rate;
+        match moved.abs() > tolerance::LONG_ROUNDING * self.size[e] {
+            true => Some(moved > 0.0),
+            false => Some(self.sides(e, track, &ends[1]).0),
+        }
+    }
+
     /// Whether a reading is zero.
     fn is_zero(&self, e: usize, track: &Track, at: &Sample) -> bool {
         at.readings[track.count() + e].x.abs() <= self.small(e, track, at)
@@ -134,8 +163,8 @@ impl EventWatch {
     /// Whether a function is zero at both ends of an interval, and its rates do not move it from there.
     fn stays_zero(&self, e: usize, track: &Track, ends: &[Sample]) -> bool {
         let h = ends[1].t - ends[0].t;
+        let small = tolerance::ROUNDING * self.size[e];
         ends.iter().all(|at| {
-            let small = self.small(e, track, at);
             let reading = at.readings[track.count() + e];
             reading.x.abs() <= small && (h * reading.rate).abs() <= small
         })
@@ -154,14 +183,16 @@ impl EventWatch {
         let samples = track.samples();
         for (i, ends) in samples.windows(2).enumerate() {
             for e in (0..self.events.len()).filter(|&e| self.count[e] < self.events[e].most) {
-                let given = self.events[e].side.filter(|_| i == 0);
+                let resting = self.rests(e, track, ends);
+                let given = resting.or(self.events[e].side.filter(|_| i == 0));
                 let after = given.unwrap_or(self.sides(e, track, &ends[0]).1);
                 if self.stays_zero(e, track, ends) {
                     continue;
                 }
                 let small = [self.small(e, track, &ends[0]), self.small(e, track, &ends[1])];
                 let (function, felt) = (track.count() + e, Felt::Nowhere);
-                let interval = Interval { ends, function, small, recent: 0.0, goes_on: true, felt, given };
+                let size = self.size[e];
+                let interval = Interval { ends, function, small, recent: 0.0, goes_on: true, felt, given, size };
                 match interval.shown(track) {
                     Shown::Clear => {}
                     Shown::Doubtful(t) if !track.is_full() => return Search::Unclear(t),
@@ -170,6 +201,9 @@ impl EventWatch {
                 }
                 // one at the start of the step belongs to the step before
                 let (before, after) = self.sides(e, track, &ends[1]);
+                if resting.is_some() && self.is_within(e, track, &ends[1]) {
+                    continue;
+                }
                 if before != after && (self.events[e].side.is_some() || self.moves(e, track, ends)) {
                     self.zeros.push(Zero { t: ends[1].t, event: e, rises: after });
                 }
@@ -189,12 +223,21 @@ impl EventWatch {
                 self.zeros[i].t = before.t;
             }
         }
+        // what was zero when the integration began, as far as steps end on zeros, is not zero again
+        let near = |t: f64, begins: f64| t - begins <= WIDER * self.shortest(begins);
+        let again =
+            |zero: &Zero| self.events[zero.event].side.is_none() && self.begins.is_some_and(|t| near(zero.t, t));
+        let kept: Vec<Zero> = self.zeros.iter().copied().filter(|zero| !again(zero)).collect();
+        self.zeros = kept;
         let Self { zeros, events, count, .. } = self;
         zeros.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.event.cmp(&b.event)));
-        let mut seen = count.clone();
+        let (mut seen, mut before) = (count.clone(), vec![None; events.len()]);
         zeros.retain(|zero| {
             let (event, seen) = (&events[zero.event], &mut seen[zero.event]);
-            let counts = event.direction.counts(zero.rises) && *seen < event.most;
+            // between two of one direction lies one of the other: it is the same one, located twice
+            let other = before[zero.event].replace(zero.rises) != Some(zero.rises);
+            let most = event.most.min(event.last.unwrap_or(u64::MAX));
+            let counts = other && event.direction.counts(zero.rises) && *seen < most;
             *seen += u64::from(counts);
             counts
         });
@@ -207,6 +250,13 @@ impl EventWatch {
             seen[zero.event] += 1;
             self.events[zero.event].last == Some(seen[zero.event])
         })
+    }
+
+    /// A step that cannot be shortened does not show whether something acts.
+    fn not_known(&self) -> SystemError {
+        let e = self.unclear.iter().position(|unclear| *unclear).unwrap_or(0);
+        let name = &self.events[e].name;
+        SystemError::argument("step", format!("whether event \"{name}\" happened is not seen; take shorter steps"))
     }
 
     /// More occurrences than are allowed.
@@ -237,6 +287,7 @@ impl Watch for EventWatch {
     fn look(&mut self, step: &mut StepView) -> Result<Look, StepFailure<SystemError>> {
         let (from, to) = step.ends();
         self.longest = self.longest.max(to - from);
+        self.begins.get_or_insert(from);
         if let ([from, ..], [.., to]) = (step.track.samples(), step.track.samples()) {
             let first = step.track.count();
             for (size, (a, b)) in self.size.iter_mut().zip(from.readings.iter().zip(&to.readings).skip(first)) {
@@ -252,14 +303,29 @@ impl Watch for EventWatch {
                 Search::Unclear(t) => step.sample(t, &mut |_, _, _| {})?,
             }
         }
+        let acts = |e: usize| self.events[e].side.is_some() || self.events[e].last.is_some();
+        if (0..self.events.len()).any(|e| self.unclear[e] && acts(e)) {
+            // what acts has to be known
+            return Ok(match step.may_end_earlier() && step.stepper.current().may_shrink {
+                true => Look::Repeat(None),
+                false => Look::Refuse(to, self.not_known()),
+            });
+        }
+        // a step as short as can be to a zero at its start ends there, whatever rounding says
+        if let (None, Some(wanted)) = (self.first_ending(), self.wanted) {
+            if to <= from + self.shortest(from) {
+                self.zeros.push(Zero { t: to, ..wanted });
+            }
+        }
         if let Some(end) = self.first_ending() {
             // the dense output and the steps that end on it differ by their errors: a step that ends beyond the zero by no
             // more than that is the one, and each trial allows for larger ones
             let allowed = self.resolution(to) * WIDER.powi(self.trials);
             // one at the very start is met by a step as short as can be
-            let shortest = from + tolerance::LONG_ROUNDING * (from.abs() + self.longest);
+            let shortest = from + self.shortest(from);
             if to - end.t > allowed && to > shortest {
                 self.trials += 1;
+                self.wanted = Some(end);
                 return Ok(Look::EndAt { t: end.t.max(shortest), corner: false });
             }
             self.zeros.iter_mut().filter(|zero| zero.t >= end.t).for_each(|zero| zero.t = to);
@@ -267,9 +333,14 @@ impl Watch for EventWatch {
         Ok(self.too_many().map_or(Look::Clear, |error| Look::Refuse(to, error)))
     }
 
-    fn accept(&mut self, _track: &Track) {
+    fn accept(&mut self, track: &Track) {
+        if let Some(end) = track.samples().last() {
+            for e in 0..self.events.len() {
+                self.left[e] |= !self.is_within(e, track, end);
+            }
+        }
         self.zeros.clear();
-        self.trials = 0;
+        (self.trials, self.wanted) = (0, None);
         self.undecided.iter_mut().zip(&self.unclear).for_each(|(count, unclear)| *count += u64::from(*unclear));
     }
 }

@@ -147,7 +147,7 @@ impl GuardWatch {
         }
         let small = [self.small(g, &ends[0]), self.small(g, &ends[1])];
         let (recent, goes_on, felt) = (self.recent[g], inside.1, Felt::Below);
-        Interval { ends, function: g, small, recent, goes_on, felt, given: None }.shown(track)
+        Interval { ends, function: g, small, recent, goes_on, felt, given: None, size: 0.0 }.shown(track)
     }
 }
 

@@ -51,6 +51,8 @@ pub(super) struct Interval<'t> {
     pub(super) felt: Felt,
     /// The side on which it is at its start, where its reading there does not tell.
     pub(super) given: Option<bool>,
+    /// Size of the terms of which an observed function is the sum: below zero by their rounding is not below.
+    pub(super) size: f64,
 }
 
 /// The side before and after an instant, positive or not, where readings up to `small` are zero.
@@ -82,7 +84,8 @@ impl Interval<'_> {
         if crosses {
             // where a function jumps the cubic says nothing
             let off = from.off[self.function].unwrap_or(0.0);
-            let says = self.felt == Felt::Below || off <= ROUGH * (one.x.abs() + two.x.abs());
+            let rough = (ROUGH * (one.x.abs() + two.x.abs())).max(tolerance::LONG_ROUNDING * self.size);
+            let says = self.felt == Felt::Below || off <= rough;
             let zero = if says { cubic.zero().clamp(NEAR_AN_END, 1.0 - NEAR_AN_END) } else { 0.5 };
             return Shown::Doubtful(from.t + h * zero);
         }
@@ -109,6 +112,7 @@ impl Interval<'_> {
         let grazes = || cubic.minimum().is_some_and(|x| x.1.abs().max(off) <= self.small[0]);
         // on the other side its force is in the error of the step; on this one it is felt nowhere, and is looked for
         let bound_suffices = self.felt == Felt::Nowhere || !after || known.is_some();
-        ((lowest <= 0.0 || !bound_suffices) && !grazes()).then_some(at)
+        let below = lowest <= -tolerance::TEN_ROUNDINGS * self.size;
+        ((below || !bound_suffices) && !grazes()).then_some(at)
     }
 }

@@ -11,10 +11,12 @@ use super::{driven_once, drives, Model};
 use crate::compile;
 use crate::error::DescriptionError;
 use crate::freed::Freed;
-use crate::measurement::{drivable, is_angle};
+use crate::measurement::{drivable, is_angle, Maker, Quantity};
 use crate::numbers::Numbers;
 use crate::spec::{Drive, Force, Level, Measure, PointForce, Spec, Value, VectorValue};
 use crate::value;
+use partita_math::spatial::Spatial;
+use partita_math::tolerance;
 use partita_system::SystemError;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -75,10 +77,33 @@ impl Model {
     pub fn with_more_drives(self: &Arc<Self>, more: Vec<Drive>) -> Result<Self, DescriptionError> {
         for drive in &more {
             drivable(drive, &self.own.placed)?;
+            self.lies_in_plane(drive)?;
         }
         let mut made = self.with_rows(self.spec.drives.iter().cloned().chain(more).collect(), &[])?;
         made.permanent = Some(self.clone());
         Ok(made)
+    }
+
+    /// Refuse a drive whose measure the plane of a planar mechanism does not know.
+    fn lies_in_plane(&self, drive: &Drive) -> Result<(), DescriptionError> {
+        if !self.is_planar() {
+            return Ok(());
+        }
+        let own = &self.own;
+        let maker = Maker::<Spatial<f64>>::new(&self.spec, &own.placed, &own.numbers, &own.full)?;
+        let out = match maker.reading(&drive.measure, "drive", &drive.name)?.quantity {
+            Quantity::Cosine(..) => true,
+            // the third axis of a planar mechanism is its normal
+            Quantity::Along(_, axis) => axis.0[2].abs() > tolerance::PARALLEL * axis.norm(),
+            _ => false,
+        };
+        if !out {
+            return Ok(());
+        }
+        let message =
+            "the mechanism moves in a plane, and this measure has a part out of it; an event cannot hold it: \
+            bound the angle of a joint, a distance, or a displacement along an axis in the plane";
+        Err(DescriptionError::new("drive", &drive.name, message))
     }
 
     /// The mechanism without the drives that do not always hold: what is always determined is determined by it.
