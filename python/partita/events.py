@@ -138,13 +138,15 @@ class Event:
         if not isinstance(name, str) or not name.strip() or name != name.strip() or not name.isprintable():
             raise ArgumentError(f"the name of an event is printable text, not {shown(name)}", argument="name")
         try:
-            number = real(self.value)
-        except TypeError as error:
+            number = float(real(self.value))
+        except (TypeError, ValueError) as error:
             self._refuse("value", f"is {shown(self.value)}; it must be a number", error)
         if not np.isfinite(number):
             self._refuse("value", f"is {number}; it must be finite")
         one_of("reads", self.reads, RATES)
-        if isinstance(self.direction, bool) or self.direction not in DIRECTIONS:
+        object.__setattr__(self, "value", number)
+        whole = isinstance(self.direction, int | np.integer) and not isinstance(self.direction, bool)
+        if not whole or self.direction not in DIRECTIONS:
             self._refuse("direction", f"is {shown(self.direction)}; give 1 (rising), -1 (falling) or 0 (both)")
         if not isinstance(self.terminal, bool | np.bool_):
             count(self.terminal, f'event "{name}": terminal')

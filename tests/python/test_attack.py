@@ -91,6 +91,11 @@ def driven(measure: Any) -> Any:
     return mechanism().add_drive(measure, velocity=1.0)
 
 
+def acted(m: pt.Mechanism, action: Any) -> Any:
+    """A run in which the crank passes an angle, and this is done."""
+    return m.simulate(0.02, max_steps=50, events=[pt.Event("e", "A", value=-1e-4, direction=-1, then=action)])
+
+
 def ring(**change: Any) -> pt.System:
     functions: dict[str, Any] = {
         "n": 2,
@@ -467,6 +472,23 @@ def asked() -> dict[str, Callable[[], Call]]:
                 "check_derivatives": True,
             },
         ),
+        "Event": (
+            lambda **given: m.simulate(0.02, max_steps=50, events=[pt.Event(**given)]),
+            {
+                "name": "e",
+                "of": "A",
+                "value": 1e-3,
+                "reads": "position",
+                "direction": 1,
+                "terminal": False,
+                "once": False,
+                "then": (),
+            },
+        ),
+        "Lock": (lambda **given: acted(m, pt.Lock(**given)), {"joint": "A", "coordinate": 0}),
+        "Release": (lambda **given: acted(m, pt.Release(**given)), {"joint": "A"}),
+        "SetRates": (lambda **given: acted(m, pt.SetRates(**given)), {"rates": {"A": 1.0}}),
+        "Stop": (lambda **given: acted(m, pt.Stop(**given)), {"restitution": 0.5}),
         "Coordinate": (lambda **given: driven(pt.Coordinate(**given)), {"joint": "A", "coordinate": 0}),
         "Distance": (
             lambda **given: driven(pt.Distance(**given)),

@@ -258,7 +258,7 @@ class CompiledModel(Equations):
         core = self.core.with_parameters([(str(name), new[str(name)]) for name in changes])
         return CompiledModel(core, self.summary, self.coordinates, self._notes, core.description, self._drawn, new)
 
-    def with_more_drives(self, drives: Sequence[Mapping[str, Any]]) -> CompiledModel:
+    def _with_more_drives(self, drives: Sequence[Mapping[str, Any]]) -> CompiledModel:
         """The same mechanism in the same coordinates with more drives, as plain data; for events that hold joints."""
         core = self.core.with_more_drives(json.dumps(list(drives)))
         with uncollected():

@@ -84,7 +84,7 @@ def observed(
         watched = Observed((), None, "[]", [])
     acts = {"switched": list(acting.drives), "locked": at_start, "actions": actions}
     watched = replace(watched, acts=json.dumps(acts))
-    return watched, model.with_more_drives(list(acting.drives.values()))
+    return watched, model._with_more_drives(list(acting.drives.values()))
 
 
 def _joints(locked: Any) -> list[Any]:
