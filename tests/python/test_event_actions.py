@@ -547,8 +547,8 @@ def test_a_lock_against_a_drive_ends_the_run_with_its_name() -> None:
 
 def test_the_rate_of_a_distance_is_set() -> None:
     m = double_pendulum()
-    reach = pt.Distance("ground", (0, 0, 0), "two", (0, -0.8, 0))
-    length = m.add_sensor("length", reach, "velocity")
-    kick = pt.Event("kick", lambda t, state: t - 0.2, then=pt.SetRates({reach: -1.0}))
+    to_tip = pt.Distance("ground", (0, 0, 0), "two", (0, -0.8, 0))
+    length = m.add_sensor("length", to_tip, "velocity")
+    kick = pt.Event("kick", lambda t, state: t - 0.2, then=pt.SetRates({to_tip: -1.0}))
     run = m.simulate(0.3, initial=m.assemble({"A": 0.4, "B": 0.9}), events=[kick], t_eval=[0.1, 0.2, 0.3], **TIGHT)
     assert run.success and run.sensor(length.name).values[1] == pytest.approx(-1.0, rel=1e-10)
