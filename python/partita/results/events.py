@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..naming import driven, index_of
 from ..notebook import MOST_ROWS, names, table
+from ..numeric import MaybeNone
 from ..state import Layout, State
 
 FloatArray = NDArray[np.float64]
@@ -21,13 +22,13 @@ CROSSING = "crossing"
 class Impulse:
     """An impulse at an event: of a joint on its child, or along what a lock, a stop or another drive holds."""
 
-    effort: float | None = None
+    effort: float | MaybeNone = None
     """Along what is held [N s] or [N m s], positive where it drives it up; None for a joint."""
-    force: FloatArray | None = None
+    force: FloatArray | MaybeNone = None
     """(3,): of a joint, in world axes [N s]; None for others."""
-    moment: FloatArray | None = None
+    moment: FloatArray | MaybeNone = None
     """(3,): about the joint's point [N m s], what is held along its coordinates included."""
-    determined: NDArray[np.bool_] | None = None
+    determined: NDArray[np.bool_] | MaybeNone = None
     """(6,): whether each component of force and moment is determined by the mechanism."""
 
 
