@@ -55,7 +55,8 @@ class Release:
 class SetRates:
     """An action of an event: joints get these rates at once, by the impulses along them that this takes.
 
-    Everything else follows with the least change in the mass metric: as if hit along those coordinates alone.
+    Everything else follows with the least change in the mass metric: as if hit along those coordinates alone. What is
+    set into a closed stop that alone can stop it bounces off it at once.
 
     >>> import partita as pt
     >>> pt.SetRates({"A": 2.0})

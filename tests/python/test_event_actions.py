@@ -519,6 +519,47 @@ def test_rates_that_contradict_each_other_end_the_run_with_their_names() -> None
     assert "contradict" in run.message and ("rate of A" in run.message or "rate of D" in run.message)
 
 
+@COORDINATES
+@pytest.mark.parametrize("restitution", [0.0, 0.4])
+def test_rates_set_into_a_closed_stop_bounce_off_it(coordinates: str, restitution: float) -> None:
+    """A four-bar rests on a stop; its other pivot is given a rate that only the stop can stop."""
+    m = four_bar(GENERAL)
+    start = m.assemble(coordinates=coordinates)
+    free = m.simulate(1.0, initial=start, coordinates=coordinates)
+    angles = free.joint("A").angle
+    side = 1 if angles[len(angles) // 4] > angles[0] else -1
+    stop = pt.Event("s", "A", value=float(angles[0]) + side * 0.1, direction=side, then=pt.Stop(restitution))
+    options = {"initial": start, "coordinates": coordinates, **TIGHT}
+    rested = m.simulate(3.0, events=[stop], **options)
+    assert rested.events[-1].kind in ("rest", "accumulation") and abs(rested.v[-1]).max() < 1e-9
+    late = rested.events[-1].t + 0.5
+    for rate in (1.5, -1.5):
+        kick = pt.Event("k", lambda t, state: t - late, then=pt.SetRates({"D": rate}))
+        run = m.simulate(late + 0.5, events=[stop, kick], **options)
+        record = run.events["k"][0]
+        assert run.success and run.certificate.verdict == "valid"
+        from_stop = -side * record.after.velocity("A")
+        away = record.after.velocity("D") / rate
+        if away > 0.5:
+            assert away == pytest.approx(1.0, rel=1e-9) and from_stop > 0.0
+        else:
+            assert away == pytest.approx(-restitution, abs=1e-9)
+            assert bool(from_stop > 0.1) == (restitution > 0.0)
+            assert bool(np.abs(run.v[run.t > late]).max() < 1e-9) == (restitution == 0.0)
+        assert np.max(side * (run.joint("A").angle - stop.value)) < 1e-9
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_drive_that_moves_into_a_stop_ends_the_run_with_its_name(restitution: float) -> None:
+    m = double_pendulum()
+    m.add_drive("A", position=lambda t: 0.4 * np.sin(3.0 * t))
+    for side, value in ((1, 0.2), (-1, -0.3)):
+        stop = pt.Event("s", "A", value=value, direction=side, then=pt.Stop(restitution))
+        run = m.simulate(2.0, events=[stop])
+        assert not run.success and "stop s" in run.message and "in the way" in run.message
+        assert run.joint("A").angle[-1] == pytest.approx(value, abs=0.05) and len(run.t) > 5
+
+
 def test_all_motions_of_a_joint_in_space_are_held_or_one_of_them() -> None:
     m = pt.Mechanism("top", gravity=(0, 0, -9.81))
     top = m.add_body("top", mass=1.0, com=(0.1, 0.2, 0.5), inertia=(0.05, 0.06, 0.02))

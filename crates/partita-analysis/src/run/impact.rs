@@ -57,6 +57,12 @@ pub struct Reached {
     pub energy: f64,
 }
 
+/// A point in the mass metric and the multipliers of all rows that lead there.
+type Nearest = (Vec<f64>, Vec<f64>);
+
+/// Rows with the rates that they are to have.
+pub type Rates = [(usize, f64)];
+
 fn failed(t: f64, message: String) -> AnalysisError {
     SystemError::Tick { t, message }.into()
 }
@@ -116,12 +122,7 @@ impl Impact {
     }
 
     /// The nearest point to `from` where the rows `held` have these values, and the others at least theirs.
-    fn nearest(
-        &self,
-        from: &[f64],
-        held: &[(usize, f64)],
-        least: &[(OneSided, f64)],
-    ) -> Result<(Vec<f64>, Vec<f64>), AnalysisError> {
+    fn nearest(&self, from: &[f64], held: &Rates, least: &[(OneSided, f64)]) -> Result<Nearest, AnalysisError> {
         let all: Vec<usize> = held.iter().map(|x| x.0).collect();
         let kept = self.independent(&all);
         // what is held decides about those that follow from it
@@ -183,39 +184,72 @@ impl Impact {
     }
 
     /// Velocities after the impulses with which these rows get to these rates, and the one-sided ones do not close
-    /// further: what is held at once first, then the bounces. Where Newton's law would raise the energy, as a corner of
-    /// unlike stops may, all bounces are the largest part of it that does not.
+    /// further: what is held at once first, then the bounces. Rates `set` for this instant alone that only a stop in
+    /// the way contradicts act before it: what is set into a stop bounces off it.
     ///
     /// # Errors
     /// Where conditions contradict each other.
-    pub fn velocities(&self, held: &[(usize, f64)], sides: &[OneSided]) -> Result<Reached, AnalysisError> {
-        let held: Vec<(usize, f64)> = held.iter().map(|&(row, rate)| (row, rate - self.a[row])).collect();
-        let (met, _) = self.nearest(&self.x, &held, &[])?;
+    pub fn velocities(&self, lasting: &Rates, set: &Rates, sides: &[OneSided]) -> Result<Reached, AnalysisError> {
+        let relative =
+            |held: &Rates| -> Vec<(usize, f64)> { held.iter().map(|&(row, rate)| (row, rate - self.a[row])).collect() };
+        let (lasting, all) = (relative(lasting), relative(&[lasting, set].concat()));
+        let (mut x, mut multipliers) = self.bounced(&self.x, &all, sides)?;
+        if !set.is_empty() && self.blocked(&all, sides, &x).is_some() {
+            let (met, first) = self.nearest(&self.x, &all, &[])?;
+            (x, multipliers) = self.bounced(&met, &lasting, sides)?;
+            multipliers.iter_mut().zip(&first).for_each(|(sum, first)| *sum += first);
+        }
+        if let Some(side) = self.blocked(&lasting, sides, &x) {
+            let message = format!(
+                "\"{}\" is in the way of the drives, which move what it stops at a rate of {:.4} into it; move the stop, or \
+                 let the drives end before it",
+                self.names[side.row],
+                self.rate_of(side, &x).abs()
+            );
+            return Err(failed(self.t, message));
+        }
+        let energy = 0.5 * (dense::dot(&x, &x) - dense::dot(&self.x, &self.x));
+        let mut v = x;
+        dense::cholesky_backward(&self.l, self.nv, &mut v);
+        Ok(Reached { v, multipliers, energy })
+    }
+
+    /// A one-sided condition that these rows, where they are not at rest, move against.
+    fn blocked(&self, held: &Rates, sides: &[OneSided], x: &[f64]) -> Option<OneSided> {
+        let closes = |side: &&OneSided| {
+            let fastest = self.lengths[side.row] * dense::dot(x, x).sqrt() + self.a[side.row].abs();
+            self.rate_of(**side, x) < -tolerance::EQUAL * fastest
+        };
+        let moves = held.iter().any(|x| x.1 != 0.0);
+        sides.iter().find(closes).copied().filter(|_| moves)
+    }
+
+    /// The nearest point to `from` where rows are held and one-sided ones bounce by Newton's law. Where that would raise
+    /// the energy, as a corner of unlike stops may, all bounces are the largest part of it that does not.
+    fn bounced(&self, from: &[f64], held: &[(usize, f64)], sides: &[OneSided]) -> Result<Nearest, AnalysisError> {
+        let (met, _) = self.nearest(from, held, &[])?;
         let rates: Vec<f64> = sides.iter().map(|&side| self.rate_of(side, &met).min(0.0)).collect();
         let bounced = |part: f64| {
             let least = sides
                 .iter()
                 .zip(&rates)
                 .map(|(&side, rate)| (side, -part * side.restitution * rate - side.sign * self.a[side.row]));
-            self.nearest(&self.x, &held, &least.collect::<Vec<_>>())
+            self.nearest(from, held, &least.collect::<Vec<_>>())
         };
-        let (mut x, mut multipliers) = bounced(1.0)?;
+        let found = bounced(1.0)?;
         let most = dense::dot(&met, &met) * (1.0 + tolerance::LONG_ROUNDING);
         // drives and rates that are set bring energy of their own
         let idle = held.iter().all(|x| x.1 == 0.0) && sides.iter().all(|side| self.a[side.row] == 0.0);
-        if idle && dense::dot(&x, &x) > most {
-            let (mut low, mut high) = (0.0, 1.0);
-            for _ in 0..HALVINGS {
-                let middle = 0.5 * (low + high);
-                let found = bounced(middle)?;
-                *(if dense::dot(&found.0, &found.0) > most { &mut high } else { &mut low }) = middle;
-            }
-            (x, multipliers) = bounced(low)?;
+        if !idle || dense::dot(&found.0, &found.0) <= most {
+            return Ok(found);
         }
-        let energy = 0.5 * (dense::dot(&x, &x) - dense::dot(&self.x, &self.x));
-        let mut v = x;
-        dense::cholesky_backward(&self.l, self.nv, &mut v);
-        Ok(Reached { v, multipliers, energy })
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            let found = bounced(middle)?;
+            *(if dense::dot(&found.0, &found.0) > most { &mut high } else { &mut low }) = middle;
+        }
+        bounced(low)
     }
 
     /// Accelerations with these rows held, and the forces of those on one side that press.

@@ -1,7 +1,7 @@
 //! Runs made of segments: between two of them velocities jump, or other rows act. Each segment is a run of its own of the
 //! mechanism with the rows that act in it; all have the coordinates of the whole mechanism.
 
-use super::impact::{Impact, OneSided, Reached};
+use super::impact::{Impact, OneSided, Rates, Reached};
 use super::{Request, Run};
 use crate::determined::determined;
 use crate::error::AnalysisError;
@@ -469,13 +469,11 @@ impl<'p> Maker<'p> {
         let impact = Impact::new(&self.plan.model, t, &q, &before.v)?;
         let mut held: Vec<(usize, f64)> = self.always.iter().map(|&row| (row, 0.0)).collect();
         held.extend(next.locked.iter().filter_map(|name| self.rows.get(name)).map(|&row| (row, 0.0)));
-        held.extend(&set);
-        let rows: Vec<usize> = held[..held.len() - set.len()].iter().map(|x| x.0).collect();
         // contacts whose own force passes zero
         let own = occurred.iter().filter_map(|x| x.event.checked_sub(self.plan.events.len()));
         let opening: BTreeSet<usize> = own.filter_map(|i| mode.pressing.iter().nth(i).copied()).collect();
         let Settled { reached, pressing, accumulated } =
-            self.settled((t, &q), &impact, (&held, &rows), (&closed, &opening))?;
+            self.settled((t, &q), &impact, (&held, &set), (&closed, &opening))?;
         let Reached { v, multipliers, energy } = reached;
         for &i in &closed {
             let stop = &self.stops[i];
@@ -524,26 +522,27 @@ impl<'p> Maker<'p> {
         Ok((next, v, energy))
     }
 
-    /// Velocities after an instant and the stops that press from there on; `held` are rows with their rates and `rows`
-    /// those that act afterwards, `opening` the closed stops whose force has just passed zero.
+    /// Velocities after an instant and the stops that press from there on; `held` are rows with their rates and `set`
+    /// those of this instant alone, `opening` the closed stops whose force has just passed zero.
     fn settled(
         &self,
         (t, q): (f64, &[f64]),
         impact: &Impact,
-        (held, rows): (&[(usize, f64)], &[usize]),
+        (held, set): (&Rates, &Rates),
         (closed, opening): (&[usize], &BTreeSet<usize>),
     ) -> Result<Settled, AnalysisError> {
         let mut sides: Vec<OneSided> = closed.iter().map(|&i| self.stops[i].side).collect();
         let mut stays = vec![false; sides.len()];
+        let rows: Vec<usize> = held.iter().map(|x| x.0).collect();
         let mut accumulated = None;
         loop {
-            let reached = impact.velocities(held, &sides)?;
+            let reached = impact.velocities(held, set, &sides)?;
             let after = Impact::new(&self.plan.model, t, q, &reached.v)?;
             for (stays, side) in stays.iter_mut().zip(&sides) {
                 *stays |= after.rate(*side) <= tolerance::EQUAL * after.fastest(*side);
             }
             let resting: Vec<OneSided> = sides.iter().zip(&stays).filter(|x| *x.1).map(|x| *x.0).collect();
-            let pushed = after.accelerations(rows, &resting)?;
+            let pushed = after.accelerations(&rows, &resting)?;
             // one that comes back at once, and hardly leaves, stays
             let low = |&i: &usize| {
                 let (side, size) = (sides[i], self.stops[closed[i]].size);
