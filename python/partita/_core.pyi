@@ -157,6 +157,8 @@ class Model:
     @property
     def planar(self) -> bool: ...
     @property
+    def set_valued(self) -> tuple[str, str] | None: ...
+    @property
     def summary(self) -> str:
         """JSON: names, sizes and the layout of states."""
     @property

@@ -270,6 +270,23 @@ def test_measures_sensors_and_functions_of_them_agree() -> None:
         assert abs(there - events[-1].value) < 1e-8
 
 
+@pytest.mark.parametrize("depth", [10, 24, 49, 60, 98])
+def test_expressions_of_any_depth_are_followed(depth: int) -> None:
+    """f -> f + 0.01 f, often: the angle times a number."""
+    m, state = pendulum(3.0)
+    angle = m.add_sensor("angle", "A")
+    deep = angle
+    for _ in range(depth):
+        deep = deep + 0.01 * angle
+    deep_run = m.simulate(0.5, initial=state, events=[pt.Event("deep", deep, value=0.5 * (1.0 + 0.01 * depth))])
+    shallow = m.simulate(0.5, initial=state, events=[pt.Event("plain", "A", value=0.5)])
+    assert deep_run.events.t == pytest.approx(shallow.events.t, rel=1e-12) and len(shallow.events) == 1
+    for _ in range(101 - depth):
+        deep = deep + 0.01 * angle
+    with pytest.raises(DescriptionError, match="nested more than 100 deep"):
+        m.simulate(0.5, initial=state, events=[pt.Event("deeper", deep)])
+
+
 def test_an_angle_of_a_joint_that_closes_a_loop_is_followed_over_whole_turns() -> None:
     m = pt.catalogue.load("spatial-four-bar")
     names = m.compile().summary["joints"]

@@ -25,43 +25,32 @@ const LONGEST_DIFFERENCE: f64 = 1e-6;
 /// displacement. Reason: the rounding of the values and the curvature between them are as small as each other.
 const MOVED_DIFFERENCE: f64 = 1e-7;
 
-/// A number that is followed along a motion.
+/// A number that is followed along a motion; its measures are written out, or stand by number.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Formula {
+pub enum Formula<M = Measure> {
     /// Constant.
     Number(f64),
     /// t.
     Time,
     /// A measure.
-    Position(Measure),
+    Position(M),
     /// Its rate.
-    Velocity(Measure),
+    Velocity(M),
     /// A function of the user at (t, q, v), by its number.
     Call(usize),
     /// a + b + ...
-    Sum(Vec<Formula>),
+    Sum(Vec<Formula<M>>),
     /// a b ...
-    Product(Vec<Formula>),
+    Product(Vec<Formula<M>>),
     /// a / b
-    Quotient(Box<[Formula; 2]>),
+    Quotient(Box<[Formula<M>; 2]>),
     /// |a|
-    Norm(Box<Formula>),
+    Norm(Box<Formula<M>>),
 }
 
-/// The same, with its measures by their numbers.
-#[derive(Clone, Debug)]
-enum Term {
-    Number(f64),
-    Time,
-    Position(usize),
-    Velocity(usize),
-    Call(usize),
-    Sum(Vec<Term>),
-    Product(Vec<Term>),
-    Quotient(Box<[Term; 2]>),
-    Norm(Box<Term>),
-}
+/// With the numbers of its measures.
+type Term = Formula<usize>;
 
 /// x, x' and x''.
 type Course = [f64; 3];

@@ -23,6 +23,8 @@ pub struct Shown<S = f64> {
     pub effort: Option<S>,
     /// On each body that it acts on: point, force, and moment about that point.
     pub wrenches: Vec<[Vec3<S>; 3]>,
+    /// Magnitudes of friction that may stick: while it slips, and while it sticks; none for another force.
+    pub levels: Option<[S; 2]>,
 }
 
 impl<S: Scalar> Evaluator<S> {
@@ -39,9 +41,14 @@ impl<S: Scalar> Evaluator<S> {
         let (all_q, all_v) = if self.full.sees_tree_alone() { (q, v) } else { (&seen_q[..], &seen_v[..]) };
         let at = At { tree: &self.full, s: &s.full, instant: self.seen_instant(t, all_q, all_v) };
         let element = &self.full.elements[e];
-        let found = element.wrench(&at, &mut memory).map(|effect| {
-            let mut shown =
-                Shown { potential: effect.potential, effort: element.effort(&at, &effect), ..Shown::default() };
+        let levels = match element {
+            Element::Load(load) => load.friction_levels(&at, &mut memory),
+            _ => Ok(None),
+        };
+        let found = levels.and_then(|levels| Ok((levels, element.wrench(&at, &mut memory)?)));
+        let found = found.map(|(levels, effect)| {
+            let effort = element.effort(&at, &effect);
+            let mut shown = Shown { potential: effect.potential, effort, levels, ..Shown::default() };
             let mut push = |p: &AppliedWrench<Spatial<S>>| {
                 let x = &s.full.links[p.link];
                 shown.power += p.force.dot(x.u + x.w.cross(p.arm)) + p.moment.dot(x.w);

@@ -8,7 +8,7 @@ mod rotor;
 
 pub use couplings::{Coupling, GivenAs};
 pub use forces::*;
-pub use joint_loads::{Follows, Friction, GasSpring, Stop, Torque, TorsionSpring};
+pub use joint_loads::{Follows, Freewheel, Friction, GasSpring, Latch, Stop, Torque, TorsionSpring};
 pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
 pub use rotor::Rotor;
 

@@ -239,6 +239,11 @@ impl Model {
             }
         })
     }
+    /// The first force with more than one value at a state, and what it is.
+    #[getter]
+    fn set_valued(&self) -> Option<(String, String)> {
+        self.inner.set_valued().map(|(name, what)| (name.into(), what.into()))
+    }
     #[getter]
     fn planar(&self) -> bool {
         self.inner.is_planar()

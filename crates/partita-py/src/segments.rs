@@ -6,7 +6,7 @@ use crate::failure;
 use crate::outputs::{assessed, described, watched};
 use crate::run::{carried_out, reported, whole, Account, Ended, Read, Reported, RunLog, Stopping};
 use numpy::PyReadonlyArray1;
-use partita_analysis::run::segments::{in_segments, Action, Happening, Plan, Segment, Segments};
+use partita_analysis::run::segments::{in_segments, Action, Happening, Plan, Segment, Segments, Slipping};
 use partita_analysis::run::{Assessed, Balance, Described, Finding, Request, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
@@ -33,6 +33,7 @@ struct Written {
 struct Part {
     run: RunLog<Model>,
     rows: Vec<usize>,
+    slips: Vec<Slipping>,
 }
 
 /// The segments of a run, of a mechanism with all rows.
@@ -81,6 +82,10 @@ impl Reported for SegmentsLog {
                 let mut row = vec![0.0; size.rows];
                 let from = &found.multipliers[i * own..(i + 1) * own];
                 part.rows.iter().zip(from).for_each(|(&to, x)| row[to] = *x);
+                for x in &part.slips {
+                    let effort = x.effort(&self.whole, &part.run.log.outputs[i]);
+                    row[x.row] = effort.map_err(|e| failure::system(py, e))?;
+                }
                 one.multipliers.extend(row);
                 one.independent.extend_from_slice(&found.independent[i * found.k..(i + 1) * found.k]);
                 one.independent.extend((found.k..k).map(|_| f64::NAN));
@@ -209,7 +214,7 @@ fn reported_segments<'py>(
     };
     let d = ended.reported(py, model.size(), cause)?;
     d.set_item("happenings", happenings.iter().map(happened).collect::<Vec<_>>())?;
-    let part = |Segment { model, rows, run }: Segment| Part { run: RunLog::new(model, run.log, shared), rows };
+    let part = |Segment { model, rows, run, slips }: Segment| Part { run: RunLog::new(model, run.log, shared), rows, slips };
     let log = SegmentsLog { whole: model.clone(), parts: all.into_iter().map(part).collect(), shared };
     let gaps = (gaps.position.part, gaps.velocity.part);
     d.set_item("log", Account::new(Box::new(log), (counters, work), (open, gaps), exchanged).into_pyobject(py)?)?;

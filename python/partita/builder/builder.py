@@ -22,13 +22,14 @@ from .elements import Elements
 from .explained import explain
 from .joint_loads import JointLoads
 from .joints import NamedJoints
+from .one_way import OneWayLaws
 from .records import Body, Coupling, Drive, Force, Handle, Joint, Rotor
 from .sensors import Sensor
 from .spec import Writer
 from .two_point import TwoPointLoads
 
 
-class Builder(NamedJoints, JointLoads, TwoPointLoads):
+class Builder(NamedJoints, JointLoads, OneWayLaws, TwoPointLoads):
     """All `add_...` methods."""
 
     add_body = body_room.add_body

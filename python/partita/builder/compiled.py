@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from ..errors import ArgumentError, EvaluationError
+from ..errors import ArgumentError, DescriptionError, EvaluationError
 from ..instant import Instant
 from ..numeric import floats, shown
 from ..sensing import SensorRecord
@@ -59,6 +59,7 @@ class Equations:
     def forces(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> Array:
         """h (nv,): applied and velocity-dependent forces, the right side of (S1) without constraint
         forces."""
+        self._of_one_value()
         return _finite("the forces", self._core.forces(finite_time(t), self._q(q), self._v(v)), t)
 
     def constraints(self, q: ArrayLike, *, t: float = 0.0) -> Array:
@@ -80,8 +81,20 @@ class Equations:
     def acceleration(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> tuple[Array, Array]:
         """v' (nv,) and multipliers (rows,) that satisfy (S1) and (S5). The state must satisfy the
         constraints."""
+        self._of_one_value()
         vdot, multipliers = self._core.acceleration(finite_time(t), self._q(q), self._v(v))
         return _finite("the acceleration", vdot, t), _finite("a multiplier", multipliers, t)
+
+    def _of_one_value(self) -> None:
+        """Refuse forces at a state where one of them has several values there."""
+        found = None if isinstance(self._core, _core.System) else self._core.set_valued
+        if found is not None:
+            name, what = found
+            raise DescriptionError(
+                f'force "{name}" is {what}; what it does at one state is not known, only simulate follows it',
+                element="force",
+                name=name,
+            )
 
     def measure(self, q: ArrayLike, *, t: float = 0.0) -> Array:
         """Projective measure rho (nv,) of every velocity (P4), without units.
@@ -110,6 +123,7 @@ class Equations:
         >>> bool(np.allclose(i.M @ i.vdot, i.h + i.C.T @ i.multipliers))
         True
         """
+        self._of_one_value()
         position, time = self._q(q), finite_time(t)
         speeds = None if v is None else self._v(v)
         return Instant.from_core(time, position, self._core.at(time, position, speeds))
@@ -258,11 +272,15 @@ class CompiledModel(Equations):
         core = self.core.with_parameters([(str(name), new[str(name)]) for name in changes])
         return CompiledModel(core, self.summary, self.coordinates, self._notes, core.description, self._drawn, new)
 
-    def _with_more_drives(self, drives: Sequence[Mapping[str, Any]]) -> CompiledModel:
-        """The same mechanism in the same coordinates with more drives, as plain data; for events that hold joints."""
+    def _with_more_drives(
+        self, drives: Sequence[Mapping[str, Any]], holding: Mapping[str, Sequence[str]]
+    ) -> CompiledModel:
+        """The same mechanism in the same coordinates with more drives, as plain data; for events that hold joints, and for
+        the forces `holding` them by these drives."""
         core = self.core.with_more_drives(json.dumps(list(drives)))
         with uncollected():
             summary = json.loads(core.summary)
+        summary["holding"] = {name: list(names) for name, names in holding.items()}
         return CompiledModel(core, summary, self.coordinates, self._notes, core.description, self._drawn)
 
     def operation_counts(
@@ -324,6 +342,7 @@ class CompiledModel(Equations):
         >>> a.M.round(12).tolist(), a.gravity.round(12).tolist()    # m L^2 / 3, m g L / 2
         ([[1.0]], [14.715])
         """
+        self._of_one_value()
         self._of_this(state)
         core, chosen = self._with_actuators(actuators)
         return Actuated(self, core.at(state.t, state.q), tuple(each.name for each in chosen), state)

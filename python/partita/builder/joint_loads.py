@@ -1,8 +1,8 @@
 """Loads along a coordinate of a joint: springs, friction, end stops, gas springs.
 
-They follow smooth laws: friction is a steep function of the speed instead of a jump, the force of a stop a function of
-the depth. Both make the equations stiffer: the smaller the stick velocity and the stiffer the stop, the shorter the
-steps of a run.
+Friction and stops have two laws each. Smooth ones: friction is a steep function of the speed instead of a jump, the force
+of a stop a function of the depth; the smaller the stick velocity and the stiffer the stop, the shorter the steps of a
+run. And the laws themselves: friction that sticks, stops that are rigid; a run finds when they hold.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ FRICTION = Load(
     **JOINT,
     dynamic=_MAGNITUDE,
     static=_MAGNITUDE,
-    stick_velocity=amount(lambda call: f"{unit(call)}/s", above=0.0),
+    stick_velocity=amount(lambda call: f"{unit(call)}/s", least=0.0),
     coefficient=_COEFFICIENT,
     static_coefficient=_COEFFICIENT,
     radius=amount("m", above=0.0),
@@ -66,6 +66,7 @@ STOP = Load(
     stiffness=amount(lambda call: per_power(effort(call), unit(call), call["exponent"]), least=0.0),
     damping=amount(lambda call: f"s/{unit(call)}", least=0.0),
     exponent=amount(least=1.0),
+    restitution=amount(least=0.0),
     lost="the motion has no end there",
     called="stop of",
 )
@@ -120,7 +121,7 @@ def add_friction(
     joint: Joint | str,
     dynamic: Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
     *,
-    stick_velocity: Quantity,
+    stick_velocity: Quantity = 0.0,
     static: Quantity | tuple[ArrayLike, ArrayLike] | Callable[..., Any] | None = None,
     coefficient: float | None = None,
     static_coefficient: float | None = None,
@@ -131,9 +132,13 @@ def add_friction(
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
-    """Add dry friction along one coordinate of a joint, smoothed below the stick velocity.
+    """Add dry friction along one coordinate of a joint: with a stick velocity smoothed below it, else the law itself.
 
-    With u = rate / stick_velocity the effort on the child is
+    Without a stick velocity it resists motion with `dynamic`, and at rest carries whatever is needed up to `static`: it
+    sticks, exactly. A run finds when it sticks and when it slips; `run.events` has the records. What it carries is part
+    of the reaction of the joint. Other analyses, which look at one state, refuse it.
+
+    With a stick velocity and u = rate / stick_velocity the effort on the child is
 
         -(dynamic 4u / sqrt(1 + 16 u^2) + (static - dynamic) u / (3/4 + u^2/4)^2).
 
@@ -162,7 +167,7 @@ def add_friction(
         joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.
         dynamic: magnitude of sliding friction, a torque for a rotation [N m], a force for a translation [N]: a number
             that is not negative, a table (times, values), or f(t, state).
-        stick_velocity: rate at which `static` is reached, above 0 [rad/s] or [m/s].
+        stick_velocity: rate at which `static` is reached [rad/s] or [m/s]; 0: the law itself, with `dynamic` alone.
         static: magnitude of static friction; None: equal to `dynamic`.
         coefficient: instead of `dynamic`: sliding friction divided by the normal force N, not negative.
         static_coefficient: the same for static friction; None: equal to `coefficient`.
@@ -189,6 +194,16 @@ def add_friction(
     >>> round(run.joint("S").velocity[-1].item(), 3)   # 3 - 4/2 * 0.5
     2.0
 
+    The same without a stick velocity stops after 1.5 s, and stays:
+
+    >>> m = pt.Mechanism("sledge", gravity=None)
+    >>> sledge = m.add_body("sledge", mass=2.0, inertia=(1, 1, 1))
+    >>> slide = m.add_prismatic("S", m.ground, sledge, axis=(1, 0, 0))
+    >>> _ = m.add_friction(slide, 4.0)
+    >>> run = m.simulate(2.0, initial=m.assemble(rates={"S": 3.0}))
+    >>> [(event.kind, round(event.t, 9)) for event in run.events], round(run.joint("S").displacement[-1].item(), 9)
+    ([('stick', 1.5)], 2.25)
+
     A block on an incline of 30 degrees slides with g (sin 30 - 0.3 cos 30):
 
     >>> m = pt.Mechanism("incline", gravity=(4.905, 0, -8.4957))
@@ -207,6 +222,11 @@ def add_friction(
                 "magnitudes (dynamic, static) and a coefficient exclude one another; give magnitudes, or a "
                 "coefficient, which multiplies the reaction of the joint"
             )
+        if not call["stick_velocity"]:
+            call.element.fail(
+                "friction by a coefficient needs a stick_velocity: without one it would stick, and reaction and friction "
+                "together might have no values or several; or give its magnitude (dynamic)"
+            )
         follows = {**given, "preload": call["preload"]}
         return call.store(**call.take("joint", "coordinate", "stick_velocity"), follows=follows)
     if dynamic is None:
@@ -223,28 +243,35 @@ def add_stop(
     self: Drawing,
     joint: Joint | str,
     *,
-    stiffness: Quantity,
+    stiffness: Quantity | None = None,
     lower: Quantity | None = None,
     upper: Quantity | None = None,
     damping: Quantity = 0.0,
     exponent: float = 1.0,
+    restitution: float | None = None,
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
-    """Add end stops along one coordinate of a joint: springs that act only beyond its limits.
+    """Add end stops along one coordinate of a joint: springs that act only beyond its limits, or rigid ends.
 
-    Beyond a limit by the depth d the joint is pushed back with stiffness d^exponent (1 + damping dd/dt), never pulled
-    (Hunt and Crossley, J. Appl. Mech. 42, 1975): no jump at the first touch. For exponent 1 a damper of c [N s/m] at
-    the depth d is damping = c / (stiffness d).
+    Give a `stiffness` or a `restitution`. Rigid ends are never passed: where one is hit the rate is reversed and
+    multiplied by the restitution (Newton's law), and the joint rests there as long as it presses. A run finds the
+    impacts; `run.events` has them with the impulses of all joints. Other analyses, which look at one state, refuse
+    rigid ends.
+
+    With a stiffness the joint is pushed back beyond a limit by the depth d with stiffness d^exponent (1 + damping
+    dd/dt), never pulled (Hunt and Crossley, J. Appl. Mech. 42, 1975): no jump at the first touch. For exponent 1 a
+    damper of c [N s/m] at the depth d is damping = c / (stiffness d).
 
     Args:
         joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion. The
             angle of a joint that closes a loop in space (or in absolute coordinates) is known up to full turns: its
             value within half a turn of the middle of the two limits, or of the single limit, is used.
-        stiffness: effort at a depth of 1 rad or 1 m, not negative.
+        stiffness: effort at a depth of 1 rad or 1 m, not negative; None: the ends are rigid.
         lower, upper: limits of the coordinate, from the drawn position [rad] or [m]; None: no limit.
         damping: relative increase of the effort per approach speed [s/rad] or [s/m], not negative.
         exponent: power of the depth, at least 1.
+        restitution: of rigid ends: 0: they are hit without rebound, 1: without loss.
         coordinate: which coordinate of the joint, from 0.
         name: None: made from the joint's name.
 
@@ -261,6 +288,13 @@ def add_stop(
         call.element.fail("it has neither a lower nor an upper end; give one or both")
     if low is not None and high is not None and low >= high:
         call.element.fail(f"lower = {low:g} is not below upper = {high:g}")
+    rigid = call["restitution"]
+    if (rigid is None) == (call["stiffness"] is None):
+        call.element.fail("give a stiffness, for ends that yield, or a restitution, for rigid ends")
+    if rigid is not None and rigid > 1.0:
+        call.element.fail(f"restitution = {rigid:g} would return more speed than came in; give 0 to 1")
+    if rigid is not None and (call["damping"] or call["exponent"] != 1.0):
+        call.element.fail("damping and exponent belong to a stiffness; rigid ends have a restitution alone")
     return call.store()
 
 

@@ -24,6 +24,7 @@ from ..results import Result
 from ..state import State
 from ..sweep.ensemble_store import MemberStore, identity, opened
 from .models import Modelled, layout_of
+from .set_valued import without_holding
 from .solve import simulate, start_of
 
 if TYPE_CHECKING:
@@ -201,6 +202,7 @@ def ensemble(
     >>> found.q.shape
     (100, 3, 3)
     """
+    without_holding(self, "an ensemble")
     model, _ = layout_of(self, "relative")
     numbers, values = _values(parameters, model)
     starts = _starts(self, states, model)

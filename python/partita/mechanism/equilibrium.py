@@ -22,6 +22,7 @@ from ..tolerance import EQUAL_IN_SIX_DIGITS
 from ..units import Quantity
 from . import family
 from .models import Modelled, layout_of
+from .set_valued import without_holding
 from .solve import start_of
 
 Array = NDArray[np.float64]
@@ -100,6 +101,7 @@ def equilibrium(
     <EquilibriumPath over s.stiffness: 3 equilibria for 3 values, 3 stable; no folds>
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
+    without_holding(self, "equilibrium", state=True)
     model, layout = layout_of(self, wanted, parameters)
     descends = False if stable is None else run_options.yes_or_no("stable", stable)
     near = getattr(near, "state", near)
@@ -219,6 +221,7 @@ def equilibria(
     [True, False]
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
+    without_holding(self, "equilibria", state=True)
     model, _ = layout_of(self, wanted, parameters)
     start = _start(self, getattr(near, "state", near), model, wanted, parameters, None)
     count, random = run_options.count(starts, "starts"), run_options.generator(seed)

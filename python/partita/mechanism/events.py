@@ -14,7 +14,7 @@ from ..builder.checks import Element
 from ..builder.compiled import CompiledModel
 from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
-from ..builder.records import Joint
+from ..builder.records import Force, Joint, LoadRecord
 from ..builder.sensors import Reading, Sensor, known_expression
 from ..errors import ArgumentError
 from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetRates, Stop, called, listed
@@ -26,8 +26,25 @@ from ..results.source import ModelSource
 from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
 from ..state import Layout, StateView
 from .models import Modelled
+from .set_valued import of_elements
 
 Array = NDArray[np.float64]
+
+
+DEEPEST = 50
+"""Formulas nested deeper than this are evaluated in Python. Unit: levels. Reason: the core reads 128 levels of brackets, and
+a formula has two of them for each of its own."""
+
+
+def _depth(formula: Formula) -> int:
+    """How deep a formula is nested."""
+    deepest, level = 0, [formula]
+    while level:
+        deepest += 1
+        parts = [part for one in level for part in one.values()]
+        inside = [item for part in parts for item in (part if isinstance(part, list) else [part])]
+        level = [item for item in inside if isinstance(item, dict) and "of" not in item]
+    return deepest
 
 
 class ObservedState(StateView):
@@ -73,18 +90,25 @@ def observed(
     found = listed(events)
     acting = _Actions(mechanism)
     at_start = [name for joint in _joints(locked) for name in acting.locked("locked", joint, None)]
-    if not found and not at_start:
+    own = list(of_elements(mechanism._description, model, acting.hold, acting.hold_locked))
+    if not found and not at_start and not own:
         return None, model
+    for event in found:
+        if any(event.name == one.element for one in own):
+            Element("event", event.name).fail("an element of the mechanism has this name, and records under it")
     maker = _Maker(mechanism, model, layout)
-    watched = written(found, maker.formula, maker.functions)
-    actions = [acting.actions(event, maker) for event in found]
+    watched = written([*found, *(one.event for one in own)], maker.formula, maker.functions)
+    actions = [*(acting.actions(event, maker) for event in found), *([one.does] for one in own)]
     if not acting.drives:
         return watched, model
     if watched is None:
         watched = Observed((), None, "[]", [])
     acts = {"switched": list(acting.drives), "locked": at_start, "actions": actions}
     watched = replace(watched, acts=json.dumps(acts))
-    return watched, model._with_more_drives(list(acting.drives.values()))
+    holding: dict[str, list[str]] = {}
+    for one in own:
+        holding.setdefault(one.element, []).append(one.drive)
+    return watched, model._with_more_drives(list(acting.drives.values()), holding)
 
 
 def _joints(locked: Any) -> list[Any]:
@@ -109,7 +133,7 @@ class _Actions:
             if isinstance(action, Lock):
                 found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
             elif isinstance(action, Release):
-                found += [{"release": name} for name in self.locked(event.name, action.joint, None)]
+                found += [{"release": name} for name in self._released(event, action)]
             elif isinstance(action, SetRates):
                 found.append({"rates": [self._rate(event, joint, x) for joint, x in action.rates.items()]})
             else:
@@ -126,9 +150,17 @@ class _Actions:
             element.fail(f'the joint "{record.name}" has no motion that could be held')
         names = []
         for i in chosen:
-            name = f"lock of {record.name}" + (f".{i}" if len(moving) > 1 else "")
-            names.append(self._drive(name, {"of": "joint", "joint": record.name, "coordinate": i}, "velocity", 0.0))
+            measured = {"of": "joint", "joint": record.name, "coordinate": i}
+            names.append(self.hold_locked("", measured, "velocity", 0.0))
         return names
+
+    def _released(self, event: Event, action: Release) -> list[str]:
+        """The drives that a release lets go: those of a joint, or the one of a latch."""
+        given = action.joint
+        latch = self._mechanism._description.forces.get(given.name if isinstance(given, Force) else str(given))
+        if isinstance(latch, LoadRecord) and latch.kind == "latch":
+            return self.locked(event.name, latch["joint"], latch["coordinate"])
+        return self.locked(event.name, given, None)
 
     def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
         measured = measure(self._mechanism, Element("event", event.name), joint)
@@ -136,7 +168,7 @@ class _Actions:
         name = f"rate of {measured['joint']}.{measured['coordinate']}" if of_joint else f"rate of {measured['of']}"
         while name in self.drives and self.drives[name]["measure"] != measured:
             name += "'"
-        return [self._drive(name, measured, "velocity", 0.0), float(rate)]
+        return [self.hold(name, measured, "velocity", 0.0), float(rate)]
 
     def _stop(self, event: Event, action: Stop, maker: _Maker) -> dict[str, Any]:
         followed = maker.formula(event).get("position")
@@ -145,10 +177,17 @@ class _Actions:
                 "a stop bounds a joint, pt.Distance, pt.Along or pt.Cosine, or a sensor of the position of one; "
                 "not a rate, an expression or a function"
             )
-        name = self._drive(f"stop {event.name}", followed, "position", float(event.value))
+        name = self.hold(f"stop {event.name}", followed, "position", float(event.value))
         return {"drive": name, "sign": -float(event.direction), "restitution": float(action.restitution)}
 
-    def _drive(self, name: str, measured: Mapping[str, Any], level: str, value: float) -> str:
+    def hold_locked(self, name: str, measured: Mapping[str, Any], level: str, value: float) -> str:
+        """Add the drive that holds a coordinate of a joint for all that lock it."""
+        count = len(motions(self._mechanism._description.joints[measured["joint"]]))
+        name = f"lock of {measured['joint']}" + (f".{measured['coordinate']}" if count > 1 else "")
+        return self.hold(name, measured, level, value)
+
+    def hold(self, name: str, measured: Mapping[str, Any], level: str, value: float) -> str:
+        """Add a drive that holds at times; the name that it got."""
         taken = self._mechanism._description.drives
         while name in taken:
             name += "'"
@@ -173,7 +212,10 @@ class _Maker:
             if event.reads != RATES[0]:
                 element.fail("a sensor reads what it reads; give reads for joints and measures")
             tree = known_expression(self._mechanism, element, of)
-            return self._expression(tree) or self._call(event.name, lambda state: self._value(tree, state))
+            in_core = self._expression(tree)
+            if in_core is not None and _depth(in_core) <= DEEPEST:
+                return in_core
+            return self._call(event.name, lambda state: self._value(tree, state))
         if isinstance(of, str | Joint | Coordinate | Distance | Along | Cosine):
             return {event.reads: measure(self._mechanism, element, of)}
         if not callable(of):

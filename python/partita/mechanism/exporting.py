@@ -16,6 +16,7 @@ from ..naming import index_of
 from ..numeric import shown
 from ..state import State
 from .models import Modelled, layout_of
+from .set_valued import without_holding
 from .solve import assemble, convert
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
@@ -91,6 +92,7 @@ def export_c(
     if joints is not None and actuators is None:
         raise ArgumentError("joints are the other side of a map from actuators: name actuators too", argument="joints")
     start = assemble(self) if initial is None else convert(self, initial, "relative")
+    without_holding(self, "C source")
     model = layout_of(self, "relative")[0]
     driving = None if actuators is None else _velocities(model, actuators, "actuators")
     if driving is None:

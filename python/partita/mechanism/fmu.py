@@ -19,6 +19,7 @@ from ..solver import Solver
 from ..state import State
 from ..units import Quantity
 from .models import Modelled, layout_of
+from .set_valued import without_holding
 from .solve import assemble, convert
 
 
@@ -93,6 +94,7 @@ def to_fmu(
     start = assemble(self) if initial is None else convert(self, initial, "relative")
     changed = Modelled(self.name, (0.0, 0.0, 0.0), self.drawing_tolerance)
     changed._description = description
+    without_holding(self, "an FMU")
     model, layout = layout_of(changed, "relative")
     q, v = start.q, start.v
     if start.names != model.names:

@@ -26,6 +26,7 @@ from ..results.run import Run
 from ..state import State
 from .goals import goals_of
 from .models import Modelled, compile, layout_of
+from .set_valued import without_holding
 from .solve import _fitting, assemble, simulate
 
 FloatArray = NDArray[np.float64]
@@ -113,6 +114,7 @@ def inverse_dynamics(
     >>> bool(d.margin.min() < 0.1)
     True
     """
+    without_holding(self, "inverse_dynamics", state=True)
     mechanism, model, (t, q, v, vdot) = _motion(self, motion, initial, parameters)
     core, chosen = model._with_actuators(actuators)
     names, units = tuple(each.name for each in chosen), tuple(each.effort for each in chosen)

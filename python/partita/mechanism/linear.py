@@ -22,6 +22,7 @@ from ..results import Result
 from ..results.run import Run
 from ..state import State
 from .models import Modelled, layout_of
+from .set_valued import without_holding
 from .solve import start_of
 
 Array = NDArray[np.float64]
@@ -164,6 +165,7 @@ def linearize(
     (('A', "motor'"), ("motor''",))
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
+    without_holding(self, "linearize", state=True)
     model, _ = layout_of(self, wanted, parameters)
     if at is not None and not isinstance(at, State):
         at = getattr(at, "state", at)

@@ -18,6 +18,7 @@ from ..viewer.page import DRAWS
 from ..viewer.still import scene_of
 from .models import Modelled, layout_of
 from .seen import still
+from .set_valued import without_holding
 from .solve import assemble, convert
 
 
@@ -106,6 +107,7 @@ def _file(self: Modelled) -> str:
 def recorded(self: Modelled, initial: State | None) -> Program:
     """The program of the page."""
     start = _start(self, initial)
+    without_holding(self, "a playground")
     own = layout_of(self, "relative")[0]
     functions = functions_of(own)
     wide = changed(self)

@@ -16,6 +16,7 @@ from ..state import State
 from ..units import Quantity
 from .equilibrium import refuse_friction
 from .models import Modelled, layout_of
+from .set_valued import without_holding
 from .solve import start_of
 
 POWERS = {"m": (1, 0), "rad": (0, 0), "N": (-1, 1), "N m": (0, 1), "N/m": (-2, 1), "N m/rad": (0, 1)}
@@ -64,6 +65,7 @@ def preload(
     True
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
+    without_holding(self, "preload", state=True)
     model, _ = layout_of(self, wanted, parameters)
     start = start_of(self, getattr(at, "state", at), model, wanted, parameters)
     refuse_friction(model)

@@ -25,6 +25,7 @@ from ..viewer.live import LiveView, Poses
 from .events import observed
 from .inputs import Courses, Input, chosen, inputs_of
 from .models import Modelled, layout_of
+from .set_valued import without_holding
 from .solve import start_of
 
 Array = NDArray[np.float64]
@@ -376,6 +377,7 @@ def stepper(
     if not isinstance(record, bool | np.bool_):
         raise ArgumentError(f"record is {shown(record)}; it must be True or False", argument="record")
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
+    without_holding(self, "a stepper")
     model, layout = layout_of(self, wanted, parameters)
     start = start_of(self, initial, model, wanted, parameters)
     step = length / int(substeps)

@@ -118,7 +118,13 @@ class RunSignals:
 
     def load(self, name: str) -> Mapping[str, Array]:
         if name not in self._loads:
-            self._loads[name] = self._motion.load(self._forces[name][0])
+            number, data = self._forces[name]
+            load = dict(self._motion.load(number))
+            if by := self._summary.get("holding", {}).get(name):
+                # what it carries, or resists with, stands along the rows by which it holds
+                load["effort"] = np.sum([self.condition("drive", drive)[:, 0] for drive in by], axis=0)
+                load["power"] = load["effort"] * self.joint(data["joint"])[1][:, data.get("coordinate", 0)]
+            self._loads[name] = load
         return self._loads[name]
 
     def applied(self) -> dict[str, tuple[Array, Array]]:

@@ -60,7 +60,7 @@ pub struct Reached {
 /// A point in the mass metric and the multipliers of all rows that lead there.
 type Nearest = (Vec<f64>, Vec<f64>);
 
-/// Rows with the rates that they are to have.
+/// Rows, each with a number: the rate that it is to have, or a force along it.
 pub type Rates = [(usize, f64)];
 
 fn failed(t: f64, message: String) -> AnalysisError {
@@ -121,13 +121,18 @@ impl Impact {
         kept
     }
 
+    /// Whether a row follows from others.
+    pub fn follows(&self, row: usize, others: &[usize]) -> bool {
+        let kept = self.independent(others);
+        self.independent(&[&kept[..], &[row]].concat()).len() == kept.len()
+    }
+
     /// The nearest point to `from` where the rows `held` have these values, and the others at least theirs.
     fn nearest(&self, from: &[f64], held: &Rates, least: &[(OneSided, f64)]) -> Result<Nearest, AnalysisError> {
         let all: Vec<usize> = held.iter().map(|x| x.0).collect();
         let kept = self.independent(&all);
         // what is held decides about those that follow from it
-        let free = |side: &OneSided| self.independent(&[&kept[..], &[side.row]].concat()).len() > kept.len();
-        let least: Vec<(OneSided, f64)> = least.iter().copied().filter(|x| free(&x.0)).collect();
+        let least: Vec<(OneSided, f64)> = least.iter().copied().filter(|x| !self.follows(x.0.row, &kept)).collect();
         let part = |row: usize, x: f64| if self.lengths[row] > 0.0 { x / self.lengths[row] } else { 0.0 };
         let value = |row: usize| held.iter().find(|x| x.0 == row).map_or(0.0, |x| part(row, x.1));
         let equations: Vec<&[f64]> = kept.iter().map(|&i| self.rows.row(i)).collect();
@@ -252,14 +257,24 @@ impl Impact {
         bounced(low)
     }
 
-    /// Accelerations with these rows held, and the forces of those on one side that press.
+    /// Accelerations with these rows held, and the forces of those on one side that press; `applied` are forces along rows.
     ///
     /// # Errors
     /// As [`velocities`](Self::velocities).
-    pub fn accelerations(&self, held: &[usize], sides: &[OneSided]) -> Result<Reached, AnalysisError> {
+    pub fn accelerations(
+        &self,
+        held: &[usize],
+        sides: &[OneSided],
+        applied: &Rates,
+    ) -> Result<Reached, AnalysisError> {
         let held: Vec<(usize, f64)> = held.iter().map(|&row| (row, -self.b[row])).collect();
         let least: Vec<(OneSided, f64)> = sides.iter().map(|&side| (side, -side.sign * self.b[side.row])).collect();
-        let (x, multipliers) = self.nearest(&self.h, &held, &least)?;
+        let mut free = self.h.clone();
+        for &(row, force) in applied {
+            let along = self.lengths[row] * force;
+            free.iter_mut().zip(self.rows.row(row)).for_each(|(to, x)| *to += along * x);
+        }
+        let (x, multipliers) = self.nearest(&free, &held, &least)?;
         let mut v = x;
         dense::cholesky_backward(&self.l, self.nv, &mut v);
         Ok(Reached { v, multipliers, energy: f64::NAN })
@@ -285,8 +300,8 @@ impl Impact {
         self.lengths[side.row] * dense::dot(&self.h, &self.h).sqrt() + self.b[side.row].abs()
     }
 
-    /// By how much its force changes its second derivative if nothing else yields.
-    pub fn pushes(&self, side: OneSided, by: &Reached) -> f64 {
+    /// The second derivative that its force alone gives it.
+    pub fn contact_acceleration(&self, side: OneSided, by: &Reached) -> f64 {
         side.sign * by.multipliers[side.row] * self.lengths[side.row].powi(2)
     }
 

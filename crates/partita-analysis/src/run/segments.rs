@@ -23,6 +23,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Changes without progress that are made at one instant. Reason: of contacts and locks each changes once or twice.
 const MOST_AT_ONCE: usize = 50;
 
+/// Frictions that change between sticking and slipping until a combination holds. Reason: far more than pairs of the few
+/// that come to rest together.
+const MOST_FLIPS: usize = 1000;
+
+/// A coordinate that is slower is at rest. Scale: natural size of the coordinate per second. Reason: far above the rounding
+/// of rates, far below any motion.
+const AT_REST: f64 = 1e-9;
+
 /// What is done at an event.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
@@ -41,6 +49,20 @@ pub enum Action {
         sign: f64,
         /// e.
         restitution: f64,
+    },
+    /// What is followed, the rate of what this drive holds, never gets the other sign.
+    Freewheel {
+        /// The drive that holds while it carries.
+        drive: String,
+        /// The sign of rates that are free.
+        sign: f64,
+    },
+    /// Dry friction against what is followed, the rate of what this drive holds.
+    Friction {
+        /// The drive that holds while it sticks.
+        drive: String,
+        /// The name of the force.
+        force: String,
     },
 }
 
@@ -79,6 +101,10 @@ pub enum Kind {
     Release,
     /// Rates were set.
     Rates,
+    /// Friction holds.
+    Stick,
+    /// It no longer does, or slips in the other sense.
+    Slip,
 }
 
 impl Kind {
@@ -93,6 +119,8 @@ impl Kind {
             Self::Lock => "lock",
             Self::Release => "release",
             Self::Rates => "rates",
+            Self::Stick => "stick",
+            Self::Slip => "slip",
         }
     }
 }
@@ -154,6 +182,31 @@ pub struct Segment {
     pub rows: Vec<usize>,
     /// The run.
     pub run: Run,
+    /// Frictions that act by a force.
+    pub slips: Vec<Slipping>,
+}
+
+/// A friction that acts by a force, which stands in results as the multiplier of the row by which it sticks.
+#[derive(Clone, Copy, Debug)]
+pub struct Slipping {
+    /// The row of the whole mechanism.
+    pub row: usize,
+    /// Its number among the forces.
+    pub force: usize,
+    /// The sense of the motion.
+    pub sign: f64,
+}
+
+impl Slipping {
+    /// Its force at an output.
+    ///
+    /// # Errors
+    /// Errors of user functions.
+    pub fn effort(&self, model: &Model, at: &Output) -> Result<f64, SystemError> {
+        let q: Vec<f64> = at.q.iter().zip(&at.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
+        let levels = model.friction_levels(self.force, at.t, (&q, &at.v))?;
+        Ok(levels.map_or(0.0, |levels| -self.sign * levels[0]))
+    }
 }
 
 /// A run made of segments.
@@ -190,32 +243,68 @@ impl EventFunctions for Shared {
     }
 }
 
-/// The force of a contact that is closed, positive while it presses.
+/// The force that a friction can carry at most.
+#[derive(Clone)]
+struct Largest {
+    model: Arc<Model>,
+    force: usize,
+}
+
+impl std::fmt::Debug for Largest {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        f.debug_struct("Largest").field("force", &self.force).finish_non_exhaustive()
+    }
+}
+
+/// What is followed because of what is held; positive while that lasts.
 #[derive(Clone, Debug)]
-struct Pressing {
-    row: usize,
-    sign: f64,
-    /// Time and force where the motion stands, and where they were read since.
+enum Lasts {
+    /// The force of a contact, or what friction can carry beyond its force.
+    Force { row: usize, sign: f64, most: Option<Largest> },
+    /// The rate that an event follows is not beyond this one.
+    Rate { event: usize, sign: f64, width: f64 },
+}
+
+/// The same along a motion.
+#[derive(Clone, Debug)]
+struct Following {
+    what: Lasts,
+    /// Time and value where the motion stands, and where they were read since.
     last: Option<(f64, f64)>,
     read: Vec<(f64, f64)>,
 }
 
-/// The functions of the events, and the forces of the contacts that are closed.
+impl From<Lasts> for Following {
+    fn from(what: Lasts) -> Self {
+        Self { what, last: None, read: Vec::new() }
+    }
+}
+
+/// The functions of the events, and those that say how long what is held lasts.
 #[derive(Debug)]
 struct WithContacts {
     inner: Shared,
     count: usize,
-    contacts: Vec<Pressing>,
+    contacts: Vec<Following>,
 }
 
 impl EventFunctions for WithContacts {
     fn read(&mut self, at: &MotionState, out: &mut [Reading]) -> Result<(), SystemError> {
         self.inner.read(at, &mut out[..self.count])?;
-        for (x, out) in self.contacts.iter_mut().zip(&mut out[self.count..]) {
-            let force = x.sign * at.multipliers[x.row];
+        let (events, own) = out.split_at_mut(self.count);
+        for (x, out) in self.contacts.iter_mut().zip(own) {
+            let (force, terms) = match &x.what {
+                Lasts::Force { row, sign, most } => {
+                    let (force, levels) = (sign * at.multipliers[*row], most.as_ref());
+                    let levels = levels.map(|x| x.model.friction_levels(x.force, at.t, (&at.q, &at.v))).transpose()?;
+                    let most = levels.flatten().map_or(0.0, |levels| levels[1]);
+                    (most + force, most.abs() + force.abs())
+                }
+                Lasts::Rate { event, sign, width } => (width - sign * events[*event].x, *width),
+            };
             let rate = x.last.filter(|last| last.0 < at.t).map_or(0.0, |last| (force - last.1) / (at.t - last.0));
             x.read.push((at.t, force));
-            *out = Reading { x: force, rate, terms: force.abs(), ..Reading::default() };
+            *out = Reading { x: force, rate, terms, ..Reading::default() };
         }
         Ok(())
     }
@@ -227,17 +316,63 @@ impl EventFunctions for WithContacts {
         }
     }
     fn reads_forces(&self) -> bool {
-        !self.contacts.is_empty()
+        self.contacts.iter().any(|x| matches!(x.what, Lasts::Force { .. }))
     }
 }
 
-/// A stop: its event, its row in the whole mechanism, its law, and the size of what it bounds.
+/// What a condition on one side bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bounds {
+    Position,
+    Rate,
+}
+
+/// A stop or a freewheel: its event, its row in the whole mechanism, its law, and the size of what it bounds.
 #[derive(Clone, Debug)]
 struct StopOf {
     event: usize,
     drive: String,
     side: OneSided,
     size: f64,
+    bounds: Bounds,
+}
+
+/// A friction that may stick: its event, its row in the whole mechanism, and its force.
+#[derive(Clone, Debug)]
+struct FrictionOf {
+    event: usize,
+    drive: String,
+    row: usize,
+    force: usize,
+    name: String,
+    size: f64,
+}
+
+impl FrictionOf {
+    /// Its coordinate, in its positive sense.
+    fn side(&self) -> OneSided {
+        OneSided { row: self.row, sign: 1.0, restitution: 0.0 }
+    }
+}
+
+/// How a friction acts; signs are those of the motion that its force resists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Acts {
+    /// By a row.
+    Sticks,
+    /// By a force against the motion.
+    Slips(i8),
+    /// Other rows hold its coordinate at rest; its force is as large as it can be, or zero.
+    Rests(i8),
+}
+
+impl Acts {
+    fn sign(self) -> i8 {
+        match self {
+            Self::Sticks => 0,
+            Self::Slips(sign) | Self::Rests(sign) => sign,
+        }
+    }
 }
 
 /// Which rows act.
@@ -247,6 +382,17 @@ struct Mode {
     locked: BTreeSet<String>,
     /// Stops that press, by their numbers.
     pressing: BTreeSet<usize>,
+    /// How the frictions act.
+    frictions: Vec<Acts>,
+}
+
+/// What a mode follows beside the events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Own {
+    /// The force of a stop.
+    Press(usize),
+    /// A friction at rest is about to slip in this sense, or is moved by other rows.
+    Slip(usize, i8),
 }
 
 /// The whole of a run while it is made.
@@ -254,6 +400,7 @@ struct Maker<'p> {
     plan: &'p Plan,
     functions: Shared,
     stops: Vec<StopOf>,
+    frictions: Vec<FrictionOf>,
     /// Rows of the whole mechanism by the names of drives.
     rows: BTreeMap<String, usize>,
     /// Rows that always act.
@@ -280,22 +427,39 @@ impl<'p> Maker<'p> {
             let row = rows.get(name).copied();
             row.ok_or_else(|| refuse(format!("there is no drive \"{name}\" that an event could hold")))
         };
-        let mut stops = Vec::new();
+        let size = |drive: &String| {
+            let measured = plan.model.spec.drives.iter().find(|x| x.name == *drive);
+            measured.map_or(1.0, |x| plan.model.natural_size(&x.measure))
+        };
+        let (mut stops, mut frictions) = (Vec::new(), Vec::new());
         for (event, actions) in plan.actions.iter().enumerate() {
             for action in actions {
-                if let Action::Stop { drive, sign, restitution } = action {
-                    let side = OneSided { row: known(drive)?, sign: *sign, restitution: *restitution };
-                    let measured = plan.model.spec.drives.iter().find(|x| x.name == *drive);
-                    let size = measured.map_or(1.0, |x| plan.model.natural_size(&x.measure));
-                    stops.push(StopOf { event, drive: drive.clone(), side, size });
+                let mut bound = |drive: &String, sign: f64, restitution: f64, bounds: Bounds| {
+                    let side = OneSided { row: known(drive)?, sign, restitution };
+                    stops.push(StopOf { event, drive: drive.clone(), side, size: size(drive), bounds });
+                    Ok::<(), AnalysisError>(())
+                };
+                match action {
+                    Action::Stop { drive, sign, restitution } => bound(drive, *sign, *restitution, Bounds::Position)?,
+                    Action::Freewheel { drive, sign } => bound(drive, *sign, 0.0, Bounds::Rate)?,
+                    Action::Friction { drive, force } => {
+                        let number = plan.model.spec.forces.iter().position(|x| x.name() == force);
+                        let number = number.ok_or_else(|| refuse(format!("there is no force \"{force}\"")))?;
+                        let (drive, row, size) = (drive.clone(), known(drive)?, size(drive));
+                        frictions.push(FrictionOf { event, drive, row, force: number, name: force.clone(), size });
+                    }
+                    Action::Lock(_) | Action::Release(_) | Action::Rates(_) => {}
                 }
             }
         }
-        let mode = Mode { locked: plan.locked.iter().cloned().collect(), pressing: BTreeSet::new() };
+        let mode = Mode {
+            locked: plan.locked.iter().cloned().collect(),
+            pressing: BTreeSet::new(),
+            frictions: vec![Acts::Rests(0); frictions.len()],
+        };
         let count = vec![0; plan.events.len()];
-        let maker =
-            Self { plan, functions, stops, rows, always, models: BTreeMap::new(), count, happenings: Vec::new() };
-        Ok((maker, mode))
+        let (models, happenings) = (BTreeMap::new(), Vec::new());
+        Ok((Self { plan, functions, stops, frictions, rows, always, models, count, happenings }, mode))
     }
 
     /// The mechanism in a mode, and the row of the whole one that each of its rows is. Made once.
@@ -304,11 +468,14 @@ impl<'p> Maker<'p> {
             return Ok(found.clone());
         }
         let pressing: BTreeSet<&String> = mode.pressing.iter().map(|&i| &self.stops[i].drive).collect();
+        let rubbing = || self.frictions.iter().zip(&mode.frictions);
+        let sticks = |name: &str| rubbing().any(|(x, acts)| *acts == Acts::Sticks && x.drive == name);
         let acts = |name: &str| {
             let switched = self.plan.switched.iter().any(|x| x == name);
-            !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned())
+            !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned()) || sticks(name)
         };
-        let made = Arc::new(self.plan.model.with_drives(&acts)?);
+        let slips = |name: &str| rubbing().find(|x| x.0.name == name).map_or(0.0, |x| f64::from(x.1.sign()));
+        let made = Arc::new(self.plan.model.with_drives(&acts, &slips)?);
         let rows = self.plan.model.rows_of(&made);
         let found = (made, rows);
         self.models.insert(mode.clone(), found.clone());
@@ -327,7 +494,16 @@ impl<'p> Maker<'p> {
         let (model, rows) = self.model(mode)?;
         let observe = self.observe(mode, &model);
         let run = super::observed(&*model, request, None, times, (&now.q, &now.v), Some(observe), watch)?;
-        Ok(Segment { model, rows, run })
+        let rubbing = self.frictions.iter().zip(&mode.frictions).filter(|x| x.1.sign() != 0);
+        let slips = rubbing.map(|(x, acts)| Slipping { row: x.row, force: x.force, sign: acts.sign().into() });
+        Ok(Segment { model, rows, run, slips: slips.collect() })
+    }
+
+    /// What a mode follows beside the events, in the order of their numbers after those of the events.
+    fn own(&self, mode: &Mode) -> Vec<Own> {
+        let presses = mode.pressing.iter().map(|&s| Own::Press(s));
+        let rests = (0..self.frictions.len()).filter(|&i| !matches!(mode.frictions[i], Acts::Slips(_)));
+        presses.chain(rests.flat_map(|i| [1, -1].map(|sign| Own::Slip(i, sign)))).collect()
     }
 
     /// What finds the events of a segment in a mode.
@@ -346,15 +522,37 @@ impl<'p> Maker<'p> {
                     event.most = 0; // its force is followed instead
                 }
             }
+            for (_, acts) in self.frictions.iter().zip(&mode.frictions).filter(|x| x.0.event == i) {
+                match acts {
+                    Acts::Slips(sign) => event.side = Some(*sign > 0),
+                    Acts::Sticks | Acts::Rests(_) => event.most = 0,
+                }
+            }
             events.push(event);
         }
         let count = events.len();
-        let mut contacts = Vec::new();
-        for &s in &mode.pressing {
-            let stop = &self.stops[s];
-            let row = model.drives().iter().find(|d| d.name == stop.drive).map_or(0, |d| d.row);
-            contacts.push(Pressing { row, sign: stop.side.sign, last: None, read: Vec::new() });
-            let name = format!("{} opens", self.plan.events[stop.event].name);
+        let row = |drive: &str| model.drives().iter().find(|d| d.name == drive).map_or(0, |d| d.row);
+        let mut contacts: Vec<Following> = Vec::new();
+        for own in self.own(mode) {
+            let (what, event, ends) = match own {
+                Own::Press(s) => {
+                    let stop = &self.stops[s];
+                    (Lasts::Force { row: row(&stop.drive), sign: stop.side.sign, most: None }, stop.event, "opens")
+                }
+                Own::Slip(i, sign) => {
+                    let (friction, sign) = (&self.frictions[i], f64::from(sign));
+                    let what = match mode.frictions[i] {
+                        Acts::Sticks => {
+                            let most = Some(Largest { model: self.plan.model.clone(), force: friction.force });
+                            Lasts::Force { row: row(&friction.drive), sign, most }
+                        }
+                        _ => Lasts::Rate { event: friction.event, sign, width: AT_REST * friction.size },
+                    };
+                    (what, friction.event, "slips")
+                }
+            };
+            contacts.push(what.into());
+            let name = format!("{} {ends}", self.plan.events[event].name);
             events.push(Event { name, last: Some(1), most: 1, side: Some(true), ..Event::default() });
         }
         let functions = Box::new(WithContacts { inner: self.functions.clone(), count, contacts });
@@ -369,6 +567,10 @@ impl<'p> Maker<'p> {
         let count = &self.count;
         let over = |stop: &StopOf| count[stop.event] >= self.plan.events[stop.event].most;
         for (i, stop) in self.stops.iter().enumerate().filter(|x| !over(x.1)) {
+            if stop.bounds == Bounds::Rate {
+                closed.push(i);
+                continue;
+            }
             let gap = stop.side.sign * readings[stop.event].x;
             if gap < -tolerance::OPEN * stop.size {
                 return Err(refuse(format!(
@@ -459,7 +661,7 @@ impl<'p> Maker<'p> {
                         }
                         note(x.event, x.rises, Kind::Rates);
                     }
-                    Action::Stop { .. } => {}
+                    Action::Stop { .. } | Action::Freewheel { .. } | Action::Friction { .. } => {}
                 }
             }
         }
@@ -469,25 +671,43 @@ impl<'p> Maker<'p> {
         let impact = Impact::new(&self.plan.model, t, &q, &before.v)?;
         let mut held: Vec<(usize, f64)> = self.always.iter().map(|&row| (row, 0.0)).collect();
         held.extend(next.locked.iter().filter_map(|name| self.rows.get(name)).map(|&row| (row, 0.0)));
-        // contacts whose own force passes zero
-        let own = occurred.iter().filter_map(|x| x.event.checked_sub(self.plan.events.len()));
-        let opening: BTreeSet<usize> = own.filter_map(|i| mode.pressing.iter().nth(i).copied()).collect();
-        let Settled { reached, pressing, accumulated } =
-            self.settled((t, &q), &impact, (&held, &set), (&closed, &opening))?;
+        let own = self.own(mode);
+        let passed = occurred.iter().filter_map(|x| x.event.checked_sub(self.plan.events.len()));
+        let passed: Vec<Own> = passed.filter_map(|i| own.get(i).copied()).collect();
+        let Settled { reached, pressing, frictions, accumulated } =
+            self.settled((t, &q), &impact, (&held, &set), (&closed, &passed), occurred)?;
         let Reached { v, multipliers, energy } = reached;
         for &i in &closed {
             let stop = &self.stops[i];
             let rises = stop.side.sign < 0.0;
-            if impact.rate(stop.side) < -tolerance::SOLUTION_ROUNDING * impact.fastest(stop.side) {
-                done.push((stop.event, rises, Kind::Impact));
+            let closes = impact.rate(stop.side) < -tolerance::SOLUTION_ROUNDING * impact.fastest(stop.side);
+            let changes = (mode.pressing.contains(&i), pressing.contains(&i));
+            match (stop.bounds, changes) {
+                (Bounds::Position, _) if closes => done.push((stop.event, rises, Kind::Impact)),
+                // how it is at the start is no event, unless velocities jump
+                (Bounds::Rate, (false, true)) if closes || !occurred.is_empty() => {
+                    done.push((stop.event, rises, Kind::Lock));
+                }
+                (Bounds::Rate, (true, false)) => done.push((stop.event, !rises, Kind::Release)),
+                _ => {}
             }
-            match (mode.pressing.contains(&i), pressing.contains(&i)) {
-                (false, true) => done.push((stop.event, rises, Kind::Rest)),
-                (true, false) => done.push((stop.event, !rises, Kind::LiftOff)),
+            match (stop.bounds, changes) {
+                (Bounds::Position, (false, true)) => done.push((stop.event, rises, Kind::Rest)),
+                (Bounds::Position, (true, false)) => done.push((stop.event, !rises, Kind::LiftOff)),
                 _ => {}
             }
         }
         next.pressing = pressing;
+        for (i, (from, to)) in mode.frictions.iter().zip(&frictions).enumerate() {
+            let (event, rises) = (self.frictions[i].event, from.sign().max(to.sign()) > 0);
+            match (from, to) {
+                _ if occurred.is_empty() => {}
+                (Acts::Slips(_), Acts::Sticks | Acts::Rests(_)) => done.push((event, from.sign() < 0, Kind::Stick)),
+                (_, Acts::Slips(_)) if from != to => done.push((event, rises, Kind::Slip)),
+                _ => {}
+            }
+        }
+        next.frictions = frictions;
         let moved = |(a, b): (&f64, &f64)| (a - b).abs() > tolerance::ROUNDING * a.abs().max(b.abs());
         let jumps = v.iter().zip(&before.v).any(moved);
         let (v, mut lost, impulses) = match jumps {
@@ -522,14 +742,15 @@ impl<'p> Maker<'p> {
         Ok((next, v, energy))
     }
 
-    /// Velocities after an instant and the stops that press from there on; `held` are rows with their rates and `set`
-    /// those of this instant alone, `opening` the closed stops whose force has just passed zero.
+    /// Velocities after an instant, and the stops that press and the frictions that stick from there on; `held` are rows
+    /// with their rates and `set` those of this instant alone, `passed` what has just ceased to last.
     fn settled(
         &self,
         (t, q): (f64, &[f64]),
         impact: &Impact,
         (held, set): (&Rates, &Rates),
-        (closed, opening): (&[usize], &BTreeSet<usize>),
+        (closed, passed): (&[usize], &[Own]),
+        occurred: &[Occurrence],
     ) -> Result<Settled, AnalysisError> {
         let mut sides: Vec<OneSided> = closed.iter().map(|&i| self.stops[i].side).collect();
         let mut stays = vec![false; sides.len()];
@@ -542,24 +763,35 @@ impl<'p> Maker<'p> {
                 *stays |= after.rate(*side) <= tolerance::EQUAL * after.fastest(*side);
             }
             let resting: Vec<OneSided> = sides.iter().zip(&stays).filter(|x| *x.1).map(|x| *x.0).collect();
-            let pushed = after.accelerations(&rows, &resting)?;
+            let still = |i: usize| {
+                let x = &self.frictions[i];
+                let side = x.side();
+                let (rate, fastest) = (after.rate(side), after.fastest(side).max(impact.fastest(side)));
+                let small = tolerance::EQUAL * fastest;
+                // it has just come to rest, and nothing has moved it since
+                let stopped = occurred.iter().any(|o| o.event == x.event) && (rate - impact.rate(side)).abs() <= small;
+                stopped || rate.abs() <= small.max(AT_REST * x.size)
+            };
+            let still: Vec<bool> = (0..self.frictions.len()).map(still).collect();
+            let (frictions, pushed) = self.rubbed((t, q, &reached.v), (&after, &still), (&rows, &resting), passed)?;
             // one that comes back at once, and hardly leaves, stays
             let low = |&i: &usize| {
-                let (side, size) = (sides[i], self.stops[closed[i]].size);
+                let (side, stop) = (sides[i], &self.stops[closed[i]]);
                 let (rate, growth) = (after.rate(side), after.growth(side, &pushed.v));
                 let height = -0.5 * rate * rate / growth;
-                !stays[i] && growth < 0.0 && height <= tolerance::CLOSED * size
+                let bounces = stop.bounds == Bounds::Position && !stays[i];
+                bounces && growth < 0.0 && height <= tolerance::CLOSED * stop.size
             };
             let fallen: Vec<usize> = (0..sides.len()).filter(low).collect();
             if fallen.is_empty() {
                 let presses = |&i: &usize| {
                     let still = tolerance::EQUAL * after.strongest(sides[i]);
-                    let force = after.pushes(sides[i], &pushed);
-                    let least = if opening.contains(&closed[i]) { still } else { 0.0 };
+                    let force = after.contact_acceleration(sides[i], &pushed);
+                    let least = if passed.contains(&Own::Press(closed[i])) { still } else { 0.0 };
                     stays[i] && after.growth(sides[i], &pushed.v) <= still && force >= least
                 };
                 let pressing = (0..sides.len()).filter(presses).map(|i| closed[i]).collect();
-                return Ok(Settled { reached, pressing, accumulated });
+                return Ok(Settled { reached, pressing, frictions, accumulated });
             }
             for i in fallen {
                 let side = sides[i];
@@ -572,6 +804,90 @@ impl<'p> Maker<'p> {
             }
         }
     }
+
+    /// How the frictions act at (t, q, v), and the accelerations there. Those that move slip. Of those at rest all stick to
+    /// begin with; the first one that would have to carry too much slips, the first one that would slip against its force
+    /// sticks, until none is left (for equal magnitudes at rest and in motion the rule of the least index, which ends).
+    fn rubbed(
+        &self,
+        (t, q, v): (f64, &[f64], &[f64]),
+        (after, still): (&Impact, &[bool]),
+        (rows, resting): (&[usize], &[OneSided]),
+        passed: &[Own],
+    ) -> Result<(Vec<Acts>, Reached), AnalysisError> {
+        let count = self.frictions.len();
+        if count == 0 {
+            return Ok((Vec::new(), after.accelerations(rows, resting, &[])?));
+        }
+        let level = |x: &FrictionOf| self.plan.model.friction_levels(x.force, t, (q, v));
+        let levels = self.frictions.iter().map(level).collect::<Result<Vec<_>, _>>()?;
+        let levels: Vec<[f64; 2]> = levels.into_iter().map(Option::unwrap_or_default).collect();
+        let side = |i: usize| self.frictions[i].side();
+        let sense = |x: f64| if x > 0.0 { 1 } else { -1 };
+        let bare = after.accelerations(rows, resting, &[])?;
+        let mut acts = vec![Acts::Sticks; count];
+        let mut decided = vec![false; count];
+        for i in 0..count {
+            let (rate, growth) = (after.rate(side(i)), after.growth(side(i), &bare.v));
+            let moves = !still[i];
+            let bound = after.follows(side(i).row, rows);
+            let set_off = bound && growth.abs() > tolerance::EQUAL * after.strongest(side(i));
+            let led = passed.iter().find_map(|x| match x {
+                Own::Slip(k, sign) if *k == i => Some(*sign),
+                _ => None,
+            });
+            (acts[i], decided[i]) = match (moves, set_off, led) {
+                (true, ..) => (Acts::Slips(sense(rate)), true),
+                (_, true, _) => (Acts::Slips(sense(growth)), true),
+                (.., Some(sign)) => (Acts::Slips(sign), bound),
+                _ if bound => (Acts::Rests(0), true),
+                _ => (Acts::Sticks, false),
+            };
+        }
+        for _ in 0..MOST_FLIPS {
+            let mut held = rows.to_vec();
+            let mut applied = Vec::new();
+            let mut now = acts.clone();
+            for i in 0..count {
+                let row = side(i).row;
+                match acts[i] {
+                    Acts::Sticks if after.follows(row, &held) => now[i] = Acts::Rests(0),
+                    Acts::Sticks => held.push(row),
+                    Acts::Slips(sign) | Acts::Rests(sign) => applied.push((row, -f64::from(sign) * levels[i][0])),
+                }
+            }
+            let pushed = after.accelerations(&held, resting, &applied)?;
+            let flip = (0..count).filter(|&i| !decided[i]).find_map(|i| match now[i] {
+                Acts::Sticks => {
+                    let carried = pushed.multipliers[side(i).row];
+                    let over = carried.abs() > levels[i][1] * (1.0 + tolerance::EQUAL);
+                    over.then(|| (i, Acts::Slips(-sense(carried))))
+                }
+                Acts::Slips(sign) if !after.follows(side(i).row, &held) => {
+                    let still = tolerance::EQUAL * after.strongest(side(i));
+                    let against = f64::from(sign) * after.growth(side(i), &pushed.v) < -still;
+                    against.then_some((i, Acts::Sticks))
+                }
+                _ => None,
+            });
+            if let Some((i, to)) = flip {
+                acts[i] = to;
+                continue;
+            }
+            for i in (0..count).filter(|&i| !decided[i]) {
+                if let (Acts::Slips(sign), true) = (now[i], after.follows(side(i).row, &held)) {
+                    now[i] = Acts::Rests(sign);
+                }
+            }
+            return Ok((now, pushed));
+        }
+        let names: Vec<&str> = self.frictions.iter().map(|x| &*x.name).collect();
+        Err(refuse(format!(
+            "at t = {t} s it cannot be decided which of the frictions stick ({}): their magnitudes at rest exceed those in \
+             motion so far that none of the combinations holds; make them more alike",
+            names.join(", ")
+        )))
+    }
 }
 
 /// What follows from an instant.
@@ -579,6 +895,8 @@ struct Settled {
     reached: Reached,
     /// The stops that press.
     pressing: BTreeSet<usize>,
+    /// How the frictions act.
+    frictions: Vec<Acts>,
     /// One whose infinitely many impacts are over so soon.
     accumulated: Option<(usize, f64)>,
 }

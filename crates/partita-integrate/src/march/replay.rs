@@ -46,10 +46,9 @@ pub struct StepReader<'s> {
     formulation: Box<dyn Formulation + Send + 's>,
     march: March,
     buffer: Vec<f64>,
-    /// The step loaded, the number of its choice, and whether the slopes evaluated for it are kept.
+    /// The step loaded, and the number of its choice.
     loaded: Option<usize>,
     version: Option<u64>,
-    has_extra: bool,
     /// Slopes evaluated for steps that were read, and how many numbers these are.
     extra: HashMap<usize, Vec<f64>>,
     extra_count: usize,
@@ -69,7 +68,7 @@ impl<'s> StepReader<'s> {
         let march = March::new(&mut *formulation, nq, method, options, Control::Free { max_steps: 0 })?;
         let buffer = vec![0.0; formulation.layout().dim()];
         let extra = HashMap::new();
-        Ok(Self { formulation, march, buffer, loaded: None, version: None, has_extra: false, extra, extra_count: 0 })
+        Ok(Self { formulation, march, buffer, loaded: None, version: None, extra, extra_count: 0 })
     }
 
     /// Read the state at t of the run with this log, the same for all calls; where no step is kept there, that at the last
@@ -99,7 +98,7 @@ impl<'s> StepReader<'s> {
             self.load(log, i);
         }
         self.march.output_at(&mut *self.formulation, t, &mut self.buffer)?;
-        if !self.has_extra {
+        if !self.extra.contains_key(&i) {
             self.keep_extra(log, i);
         }
         Ok(())
@@ -110,7 +109,6 @@ impl<'s> StepReader<'s> {
         let (step, march) = (log.step(i), &mut self.march);
         let (numbers, located) = log.numbers(i);
         let extra = self.extra.get(&i);
-        self.has_extra = extra.is_some();
         march.course = step.course;
         march.located.forget();
         march.located.times.extend_from_slice(located);
@@ -129,7 +127,6 @@ impl<'s> StepReader<'s> {
         let mut slopes = Vec::new();
         self.march.active().save_extra(&mut slopes);
         // none are evaluated at the ends of a step
-        self.has_extra = !slopes.is_empty();
         if slopes.is_empty() {
             return;
         }

@@ -26,7 +26,7 @@ pub use bushing::Bushing;
 pub use contact::{Contact, Surface};
 pub use gravity::Gravity;
 pub use law::{Law, LawInput};
-pub use load::{Bearing, Curve, Effort, Friction, Load, LoadLaw, SpringDamper, Stop};
+pub use load::{Bearing, Curve, Effort, Friction, Load, LoadLaw, SetValued, SpringDamper, Stop};
 pub use point_force::PointForce;
 pub use resistance::Buffer;
 pub use sight::CutSight;

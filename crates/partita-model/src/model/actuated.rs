@@ -17,6 +17,7 @@ use crate::spec::{Drive, Force, Level, Measure, PointForce, Spec, Value, VectorV
 use crate::value;
 use partita_math::spatial::Spatial;
 use partita_math::tolerance;
+use partita_system::system::Levels;
 use partita_system::SystemError;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -42,7 +43,7 @@ impl Model {
     /// # Errors
     /// Where its equations cannot be made.
     pub fn released(&self, silent: &[Silent]) -> Result<Self, DescriptionError> {
-        self.with_rows(Vec::new(), silent)
+        self.with_rows(Vec::new(), silent, None)
     }
 
     /// As [`released`](Self::released), with a row for each measurement of `actuators`, which constrains nothing: its
@@ -56,21 +57,26 @@ impl Model {
         silent: &[Silent],
     ) -> Result<Self, DescriptionError> {
         driven_once(&actuators)?;
-        let mut made = self.with_rows(actuators, silent)?;
+        let mut made = self.with_rows(actuators, silent, None)?;
         made.mechanism = Some(self.clone());
         Ok(made)
     }
 
-    /// The same mechanism in the same coordinates with those of its drives alone whose names `acts` accepts.
+    /// The same mechanism in the same coordinates with those of its drives alone whose names `acts` accepts, and with
+    /// frictions that slip in the sense that `slips` gives for their names.
     ///
     /// # Errors
     /// Where its equations cannot be made.
-    pub fn with_drives(&self, acts: &dyn Fn(&str) -> bool) -> Result<Self, DescriptionError> {
+    pub fn with_drives(
+        &self,
+        acts: &dyn Fn(&str) -> bool,
+        slips: &dyn Fn(&str) -> f64,
+    ) -> Result<Self, DescriptionError> {
         let kept = self.spec.drives.iter().filter(|drive| acts(&drive.name)).cloned().collect();
-        self.with_rows(kept, &[])
+        self.with_rows(kept, &[], Some(slips))
     }
 
-    /// The same mechanism in the same coordinates with more drives.
+    /// The same mechanism in the same coordinates with more drives, those with which set-valued laws act among them.
     ///
     /// # Errors
     /// Where one of them cannot be.
@@ -79,7 +85,8 @@ impl Model {
             drivable(drive, &self.own.placed)?;
             self.lies_in_plane(drive)?;
         }
-        let mut made = self.with_rows(self.spec.drives.iter().cloned().chain(more).collect(), &[])?;
+        let rows = self.spec.drives.iter().cloned().chain(more).collect();
+        let mut made = self.with_rows(rows, &[], None)?;
         made.permanent = Some(self.clone());
         Ok(made)
     }
@@ -109,6 +116,23 @@ impl Model {
     /// The mechanism without the drives that do not always hold: what is always determined is determined by it.
     pub fn permanent(&self) -> &Self {
         self.permanent.as_deref().unwrap_or(self)
+    }
+
+    /// The first force that has more than one value at a state: its name, what it is, and advice.
+    pub fn set_valued(&self) -> Option<(&str, &str)> {
+        self.spec.forces.iter().find_map(|x| x.record().set_valued().map(|what| (x.name(), what)))
+    }
+
+    /// Magnitudes of force number `i` of the description, friction that may stick, while it slips and while it sticks; none
+    /// for another force.
+    ///
+    /// # Errors
+    /// Errors of user functions, times outside a table.
+    pub fn friction_levels(&self, i: usize, t: f64, (q, v): (&[f64], &[f64])) -> Result<Option<[f64; 2]>, SystemError> {
+        let Ok((e, _)) = self.load_number(i) else { return Ok(None) };
+        let (part, mut s) = (self.equations().part_of_load(e), self.scratch());
+        self.equations().look_at(&part, q, v, s.equations());
+        Ok(self.equations().shown(e, t, q, v, s.equations())?.levels)
     }
 
     /// The row of this model that each row of a model with some of its drives is.
@@ -158,8 +182,21 @@ impl Model {
     }
 
     /// On the tree of this model, whatever tree a description with these drives would have.
-    fn with_rows(&self, rows: Vec<Drive>, silent: &[Silent]) -> Result<Self, DescriptionError> {
+    fn with_rows(
+        &self,
+        rows: Vec<Drive>,
+        silent: &[Silent],
+        slips: Option<&dyn Fn(&str) -> f64>,
+    ) -> Result<Self, DescriptionError> {
         let mut spec = Spec { drives: rows, ..(*self.spec).clone() };
+        if let Some(slips) = slips {
+            for force in &mut spec.forces {
+                let sign = slips(force.name());
+                if let Some(acts) = force.record_mut().acts() {
+                    *acts = sign;
+                }
+            }
+        }
         for &(i, component) in silent {
             if let Some(force) = spec.forces.get_mut(i) {
                 silence(force, component);

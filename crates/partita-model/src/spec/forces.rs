@@ -1,6 +1,6 @@
 //! Forces: their kinds in one list, what each has to say of itself, and the forces at points.
 
-use super::joint_loads::{Friction, GasSpring, Stop, Torque, TorsionSpring};
+use super::joint_loads::{Freewheel, Friction, GasSpring, Latch, Stop, Torque, TorsionSpring};
 use super::loads::{Bushing, Contact, Gravity, Law, Tyre, Weightless};
 use super::{Axes, Measure, Value, VectorValue};
 use serde::{Deserialize, Serialize};
@@ -46,8 +46,12 @@ forces! {
     Bushing(Bushing),
     /// Friction in a joint coordinate.
     Friction(Friction),
-    /// Compliant ends of a joint coordinate.
+    /// Ends of a joint coordinate.
     Stop(Stop),
+    /// A joint coordinate that turns freely in one sense.
+    Freewheel(Freewheel),
+    /// A joint coordinate that is held from a value on.
+    Latch(Latch),
     /// A gas spring in a joint coordinate.
     GasSpring(GasSpring),
     /// A sphere against a plane or a sphere.
@@ -120,6 +124,15 @@ pub trait ForceRecord {
     /// Its parameters: field and numbers.
     fn numbers(&mut self) -> Vec<(&'static str, Vec<&mut f64>)> {
         Vec::new()
+    }
+    /// What it is, and advice, where it has more than one force at a state, of which a run alone knows from its history
+    /// which one acts.
+    fn set_valued(&self) -> Option<&str> {
+        None
+    }
+    /// How friction that may stick acts in a mode of a run.
+    fn acts(&mut self) -> Option<&mut f64> {
+        None
     }
     /// Error in its numbers, all of them finite.
     fn fault(&self) -> Option<String> {

@@ -65,11 +65,15 @@ pub struct Friction {
     /// Static magnitude; none: that of sliding.
     #[serde(default, rename = "static")]
     pub held: Option<Value>,
-    /// Stick velocity [m/s] or [rad/s].
+    /// Stick velocity [m/s] or [rad/s]; 0: set-valued, it sticks as a constraint.
     pub stick_velocity: f64,
     /// The magnitudes follow the reaction of the joint instead.
     #[serde(default)]
     pub follows: Option<Follows>,
+    /// In a mode of a run, where it may stick: the sign of the motion that its force resists; 0: it has no force, a row
+    /// carries what it carries.
+    #[serde(skip)]
+    pub acts: f64,
 }
 
 fn no_level() -> Value {
@@ -110,7 +114,10 @@ impl ForceRecord for Friction {
         std::iter::once(&self.dynamic).chain(&self.held).collect()
     }
     fn numbers(&mut self) -> Vec<(&'static str, Vec<&mut f64>)> {
-        let mut all = vec![("stick_velocity", self.stick_velocity.numbers())];
+        let mut all = Vec::new();
+        if self.stick_velocity != 0.0 {
+            all.push(("stick_velocity", self.stick_velocity.numbers()));
+        }
         if self.follows.is_none() {
             all.push(("dynamic", self.dynamic.numbers()));
         }
@@ -127,12 +134,25 @@ impl ForceRecord for Friction {
         }
         all.into_iter().filter(|(_, x)| !x.is_empty()).collect()
     }
+    fn set_valued(&self) -> Option<&str> {
+        (self.stick_velocity == 0.0).then_some("friction that sticks: give it a stick_velocity")
+    }
+    fn acts(&mut self) -> Option<&mut f64> {
+        Some(&mut self.acts)
+    }
     fn fault(&self) -> Option<String> {
         let level = |what, v: &Value| match v {
             Value::Constant(x) => negative(&[(what, *x)]),
             Value::Table(_) | Value::Function(_) => None,
         };
-        without_size(&[("stick_velocity", self.stick_velocity)])
+        let follows = self.follows.is_some() && self.stick_velocity == 0.0;
+        let follows = follows.then(|| {
+            "friction that sticks (stick_velocity = 0) needs its magnitude (dynamic), not a coefficient of a reaction: \
+             reaction and friction might have no values together, or several; or give a stick_velocity"
+                .to_owned()
+        });
+        negative(&[("stick_velocity", self.stick_velocity)])
+            .or(follows)
             .or_else(|| level("dynamic", &self.dynamic))
             .or_else(|| self.held.as_ref().and_then(|v| level("static", v)))
             .or_else(|| self.follows.as_ref().and_then(Follows::fault))
@@ -151,7 +171,7 @@ impl Follows {
     }
 }
 
-/// Compliant ends of a joint coordinate.
+/// Ends of a joint coordinate, compliant or rigid.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stop {
@@ -168,17 +188,91 @@ pub struct Stop {
     /// Upper end, where it begins to push back.
     #[serde(default)]
     pub upper: Option<f64>,
-    /// Effort at a unit of depth.
-    pub stiffness: f64,
+    /// Effort at a unit of depth; of compliant ends.
+    #[serde(default)]
+    pub stiffness: Option<f64>,
     /// Power of the depth.
     pub exponent: f64,
     /// Growth of the effort with the speed inward (s/m or s/rad).
     pub damping: f64,
+    /// Coefficient of restitution; of rigid ends.
+    #[serde(default)]
+    pub restitution: Option<f64>,
 }
 
-properties! { Stop {
-    along [joint coordinate] numbers [stiffness, damping, lower, upper] fault misplaced
-} }
+impl ForceRecord for Stop {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn along(&self) -> Option<(&str, usize)> {
+        Some((&self.joint, self.coordinate))
+    }
+    fn numbers(&mut self) -> Vec<(&'static str, Vec<&mut f64>)> {
+        let all = [
+            ("stiffness", self.stiffness.numbers()),
+            ("damping", if self.restitution.is_some() { Vec::new() } else { self.damping.numbers() }),
+            ("lower", self.lower.numbers()),
+            ("upper", self.upper.numbers()),
+            ("restitution", self.restitution.numbers()),
+        ];
+        all.into_iter().filter(|(_, x)| !x.is_empty()).collect()
+    }
+    fn set_valued(&self) -> Option<&str> {
+        self.restitution.map(|_| "a rigid stop (restitution): give it a stiffness")
+    }
+    fn fault(&self) -> Option<String> {
+        self.misplaced()
+    }
+}
+
+/// A joint coordinate that turns freely in one sense.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Freewheel {
+    /// Name.
+    pub name: String,
+    /// Joint.
+    pub joint: String,
+    /// Which of its coordinates.
+    #[serde(default)]
+    pub coordinate: usize,
+    /// The sign of the rate that is free.
+    pub free: f64,
+}
+
+impl ForceRecord for Freewheel {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn along(&self) -> Option<(&str, usize)> {
+        Some((&self.joint, self.coordinate))
+    }
+    fn set_valued(&self) -> Option<&str> {
+        Some("a freewheel: leave it out")
+    }
+    fn fault(&self) -> Option<String> {
+        (self.free.abs() != 1.0).then(|| format!("free = {} is no sense; give 1 or -1", self.free))
+    }
+}
+
+/// A joint coordinate that is held from where it passes a value.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Latch {
+    /// Name.
+    pub name: String,
+    /// Joint.
+    pub joint: String,
+    /// Which of its coordinates.
+    #[serde(default)]
+    pub coordinate: usize,
+    /// Where it closes.
+    pub at: f64,
+    /// The sign of the rate with which it closes; 0: of either.
+    pub direction: f64,
+}
+
+properties! { Latch { along [joint coordinate] numbers [at] } }
 
 impl Stop {
     fn misplaced(&self) -> Option<String> {
@@ -187,8 +281,17 @@ impl Stop {
             (Some(a), Some(b)) if a >= b => Some(format!("lower = {a} is not below upper = {b}")),
             _ => None,
         };
+        let kind = match (self.stiffness, self.restitution) {
+            (Some(_), Some(_)) => Some("it is compliant (stiffness) or rigid (restitution), not both; give one".into()),
+            (None, None) => Some("give a stiffness (compliant ends) or a restitution (rigid ends)".into()),
+            (None, Some(e)) if !(0.0..=1.0).contains(&e) => {
+                Some(format!("restitution = {e} must lie between 0 and 1"))
+            }
+            _ => None,
+        };
         order
-            .or_else(|| negative(&[("stiffness", self.stiffness), ("damping", self.damping)]))
+            .or(kind)
+            .or_else(|| negative(&[("stiffness", self.stiffness.unwrap_or_default()), ("damping", self.damping)]))
             .or_else(|| too_steep(&[("exponent", self.exponent)]))
     }
 }

@@ -10,6 +10,7 @@ mod curve;
 mod effort;
 mod friction;
 mod gas_spring;
+mod set_valued;
 mod spring_damper;
 mod stop;
 
@@ -17,6 +18,7 @@ pub use curve::Curve;
 pub use effort::Effort;
 pub use friction::{Bearing, Friction};
 pub use gas_spring::GasSpring;
+pub use set_valued::SetValued;
 pub use spring_damper::SpringDamper;
 pub use stop::Stop;
 
@@ -95,6 +97,8 @@ pub enum LoadLaw<S> {
     GasSpring(GasSpring<S>),
     /// Compliant ends.
     Stop(Box<Stop<S>>),
+    /// What a run decides about.
+    SetValued(SetValued<S>),
 }
 
 impl LoadLaw<f64> {
@@ -119,9 +123,12 @@ impl<S: Scalar> LoadLaw<S> {
             Force::Torque(x) => {
                 Self::Effort(Effort { value: Source::new(&x.value, n.field("value").first()), in_state })
             }
+            Force::Friction(x) if x.stick_velocity == 0.0 => Self::SetValued(SetValued::friction(x, n)),
             Force::Friction(x) => Self::Friction(Box::new(Friction::new(x, n))),
             Force::GasSpring(x) => Self::GasSpring(GasSpring::new(x, n)),
+            Force::Stop(x) if x.restitution.is_some() => Self::SetValued(SetValued::constraint()),
             Force::Stop(x) => Self::Stop(Box::new(Stop::new(x, n))),
+            Force::Freewheel(_) | Force::Latch(_) => Self::SetValued(SetValued::constraint()),
             _ => return None,
         })
     }
@@ -134,6 +141,7 @@ impl<S: Scalar> LoadLaw<S> {
             Self::Friction(x) => &**x,
             Self::GasSpring(x) => x,
             Self::Stop(x) => &**x,
+            Self::SetValued(x) => x,
         }
     }
 
@@ -276,6 +284,18 @@ impl<G: Space> Load<G> {
                 ForceApplication::Between(push(b, arm, moment, force), push(a, back, -moment, -force))
             }
             _ => ForceApplication::Along(self.along.velocity().unwrap_or(0), effort),
+        }
+    }
+
+    /// Magnitudes of friction that may stick: while it slips, and while it sticks; none for another law.
+    pub(crate) fn friction_levels(
+        &self,
+        at: &At<G>,
+        memory: &mut ForceScratch<G>,
+    ) -> Result<Option<[G::S; 2]>, SystemError> {
+        match &self.law {
+            LoadLaw::SetValued(x) => x.levels(&at.instant, &self.name, &mut memory.plain),
+            _ => Ok(None),
         }
     }
 
