@@ -183,6 +183,14 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         {"upper": 0.7, "lower": -1, "exponent": 1.5, "damping": 1, "stiffness": 9},
     ),
     (
+        ("add_freewheel", "freewheel", {"joint": "C", "coordinate": 1}),
+        {"free": -1, "coordinate": 0},
+    ),
+    (
+        ("add_latch", "latch", {"joint": "C", "at": 0.2}),
+        {"at": 0.7, "direction": -1, "coordinate": 1},
+    ),
+    (
         ("add_gas_spring", "air spring", {"joint": "C", "force": 3.0, "length": 0.5, "coordinate": 1}),
         {"force": -4.0, "length": 0.7, "exponent": 1.4, "coordinate": 0},
     ),
@@ -268,8 +276,8 @@ def tables(m: pt.Mechanism) -> list[Any]:
 
 def test_every_method_is_among_the_calls() -> None:
     methods = {name for name in dir(pt.Mechanism) if name.startswith("add_")}
-    # a compliance is no element, and an IMU is two sensors
-    assert methods - {call[0] for call, _ in CALLS} == {"add_compliance", "add_imu"}
+    # a compliance is no element, an IMU is two sensors, a brake is friction
+    assert methods - {call[0] for call, _ in CALLS} == {"add_compliance", "add_imu", "add_brake"}
 
 
 @pytest.fixture(scope="module")

@@ -266,9 +266,13 @@ def built() -> dict[str, Callable[[], Call]]:
             "upper": 0.1,
             "damping": 0.1,
             "exponent": 1.5,
+            "restitution": None,
             "coordinate": 0,
             "name": "st",
         },
+        "add_freewheel": {"joint": "A", "free": 1, "coordinate": 0, "name": "fw"},
+        "add_latch": {"joint": "A", "at": 0.5, "direction": 1, "coordinate": 0, "name": "la"},
+        "add_brake": {"joint": "A", "torque": 1.0, "static": 1.2, "coordinate": 0, "name": "br"},
         "add_gas_spring": {
             "joint": "A",
             "force": 1.0,

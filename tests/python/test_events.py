@@ -274,7 +274,7 @@ def test_measures_sensors_and_functions_of_them_agree() -> None:
 def test_expressions_of_any_depth_are_followed(depth: int) -> None:
     """f -> f + 0.01 f, often: the angle times a number."""
     m, state = pendulum(3.0)
-    angle = m.add_sensor("angle", "A")
+    angle = m.add_sensor("angle", "A", "position")
     deep = angle
     for _ in range(depth):
         deep = deep + 0.01 * angle

@@ -195,6 +195,9 @@ FIRST: dict[str, tuple[tuple[object, ...], dict[str, object]]] = {
     "add_friction": (("A", 1.0), {"stick_velocity": 0.1}),
     "add_stop": (("A",), {"stiffness": 1.0, "upper": 1.0}),
     "add_gas_spring": (("C",), {"force": 1.0, "length": 0.1}),
+    "add_freewheel": (("A",), {}),
+    "add_latch": (("A",), {"at": 0.5}),
+    "add_brake": (("A", 1.0), {}),
     "add_rotor": (("A", 0.1), {"ratio": 2.0}),
     "add_drive": (("A", None, 2.0), {}),
 }

@@ -85,6 +85,8 @@ OTHERS: dict[str, Add] = {
     "bushing": lambda m, name: m.add_bushing(name, "a", "b", (0, 0, 0), stiffness=np.eye(6), damping=np.eye(6)),
     "friction": lambda m, name: m.add_friction("A", 0.1, stick_velocity=0.01, name=name),
     "stop": lambda m, name: m.add_stop("A", lower=-1.0, upper=1.0, stiffness=100.0, name=name),
+    "freewheel": lambda m, name: m.add_freewheel("A", name=name),
+    "latch": lambda m, name: m.add_latch("A", at=1.0, name=name),
     "contact": lambda m, name: m.add_contact(
         name, "a", (0, 0, 0), m.ground, (0, 0, -1), normal=(0, 0, 1), radius1=0.1, stiffness=1e3
     ),
@@ -128,6 +130,7 @@ def saved(m: pt.Mechanism, folder: Path, suffix: str) -> tuple[str, list[str], l
 def test_the_table_has_every_element() -> None:
     """By the methods that add them; a new one needs a rule in each format."""
     named = {"add_joint": "generic", "add_custom_joint": "custom", "add_imu": "sensor"}  # an IMU is two sensors
+    named["add_brake"] = "friction"
     methods = {
         named.get(name, name.removeprefix("add_").replace("_", " ")) for name in dir(pt.Mechanism) if name[:4] == "add_"
     }

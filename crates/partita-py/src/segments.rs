@@ -214,7 +214,8 @@ fn reported_segments<'py>(
     };
     let d = ended.reported(py, model.size(), cause)?;
     d.set_item("happenings", happenings.iter().map(happened).collect::<Vec<_>>())?;
-    let part = |Segment { model, rows, run, slips }: Segment| Part { run: RunLog::new(model, run.log, shared), rows, slips };
+    let part =
+        |Segment { model, rows, run, slips }: Segment| Part { run: RunLog::new(model, run.log, shared), rows, slips };
     let log = SegmentsLog { whole: model.clone(), parts: all.into_iter().map(part).collect(), shared };
     let gaps = (gaps.position.part, gaps.velocity.part);
     d.set_item("log", Account::new(Box::new(log), (counters, work), (open, gaps), exchanged).into_pyobject(py)?)?;

@@ -20,16 +20,16 @@ from .name_first import name_first
 from .records import Force, Joint
 
 
-def sense(element: Element, what: str, value: Any, allowed: tuple[int, ...]) -> float:
+def sense(element: Element, what: str, value: Any, allowed: tuple[int, ...]) -> int:
     """A sense along a coordinate: 1, -1, or 0 for both."""
     found = number(element, what, value)
     if found not in allowed:
         element.fail(f"{what} = {found:g} is no sense; give {', '.join(str(x) for x in allowed)}")
-    return found
+    return int(found)
 
 
 def _senses(*allowed: int) -> Field:
-    def check(call: Call, what: str, value: Any, _: Any) -> float:
+    def check(call: Call, what: str, value: Any, _: Any) -> int:
         return sense(call.element, what, value, allowed)
 
     return Field(check, {"enum": list(allowed)})

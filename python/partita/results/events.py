@@ -101,7 +101,7 @@ class Events(Sequence[EventRecord]):
         if not self.names:
             return "<no events were looked for>"
         if not self._records:
-            return f"<none of the events happened: {', '.join(self.names)}>"
+            return f"<none of the events happened: {', '.join(dict.fromkeys(self.names))}>"
         lines = [repr(record) for record in self._records[:MOST_ROWS]]
         return "\n".join([*lines, *([f"<and {self._left_out} later ones>"] if self._left_out else [])])
 

@@ -230,7 +230,8 @@ impl Impact {
     }
 
     /// The nearest point to `from` where rows are held and one-sided ones bounce by Newton's law. Where that would raise
-    /// the energy, as a corner of unlike stops may, all bounces are the largest part of it that does not.
+    /// the energy, as a corner of unlike stops may, or others do not let it be, as a freewheel that is to turn back, all
+    /// bounces are the largest part of it for which that is not so.
     fn bounced(&self, from: &[f64], held: &[(usize, f64)], sides: &[OneSided]) -> Result<Nearest, AnalysisError> {
         let (met, _) = self.nearest(from, held, &[])?;
         let rates: Vec<f64> = sides.iter().map(|&side| self.rate_of(side, &met).min(0.0)).collect();
@@ -241,18 +242,22 @@ impl Impact {
                 .map(|(&side, rate)| (side, -part * side.restitution * rate - side.sign * self.a[side.row]));
             self.nearest(from, held, &least.collect::<Vec<_>>())
         };
-        let found = bounced(1.0)?;
         let most = dense::dot(&met, &met) * (1.0 + tolerance::LONG_ROUNDING);
         // drives and rates that are set bring energy of their own
         let idle = held.iter().all(|x| x.1 == 0.0) && sides.iter().all(|side| self.a[side.row] == 0.0);
-        if !idle || dense::dot(&found.0, &found.0) <= most {
-            return Ok(found);
+        let too_much = |found: &Result<Nearest, AnalysisError>| match found {
+            Ok((x, _)) => idle && dense::dot(x, x) > most,
+            Err(_) => true,
+        };
+        let found = bounced(1.0);
+        if !too_much(&found) {
+            return found;
         }
         let (mut low, mut high) = (0.0, 1.0);
+        bounced(low)?;
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
-            let found = bounced(middle)?;
-            *(if dense::dot(&found.0, &found.0) > most { &mut high } else { &mut low }) = middle;
+            *(if too_much(&bounced(middle)) { &mut high } else { &mut low }) = middle;
         }
         bounced(low)
     }
@@ -261,12 +266,7 @@ impl Impact {
     ///
     /// # Errors
     /// As [`velocities`](Self::velocities).
-    pub fn accelerations(
-        &self,
-        held: &[usize],
-        sides: &[OneSided],
-        applied: &Rates,
-    ) -> Result<Reached, AnalysisError> {
+    pub fn accelerations(&self, held: &[usize], sides: &[OneSided], applied: &Rates) -> Result<Reached, AnalysisError> {
         let held: Vec<(usize, f64)> = held.iter().map(|&row| (row, -self.b[row])).collect();
         let least: Vec<(OneSided, f64)> = sides.iter().map(|&side| (side, -side.sign * self.b[side.row])).collect();
         let mut free = self.h.clone();

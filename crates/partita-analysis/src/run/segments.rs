@@ -29,7 +29,7 @@ const MOST_FLIPS: usize = 1000;
 
 /// A coordinate that is slower is at rest. Scale: natural size of the coordinate per second. Reason: far above the rounding
 /// of rates, far below any motion.
-const AT_REST: f64 = 1e-9;
+const RATE_AT_REST: f64 = 1e-9;
 
 /// What is done at an event.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -357,7 +357,7 @@ impl FrictionOf {
 
 /// How a friction acts; signs are those of the motion that its force resists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Acts {
+enum StickSlip {
     /// By a row.
     Sticks,
     /// By a force against the motion.
@@ -366,7 +366,7 @@ enum Acts {
     Rests(i8),
 }
 
-impl Acts {
+impl StickSlip {
     fn sign(self) -> i8 {
         match self {
             Self::Sticks => 0,
@@ -383,7 +383,7 @@ struct Mode {
     /// Stops that press, by their numbers.
     pressing: BTreeSet<usize>,
     /// How the frictions act.
-    frictions: Vec<Acts>,
+    frictions: Vec<StickSlip>,
 }
 
 /// What a mode follows beside the events.
@@ -455,7 +455,7 @@ impl<'p> Maker<'p> {
         let mode = Mode {
             locked: plan.locked.iter().cloned().collect(),
             pressing: BTreeSet::new(),
-            frictions: vec![Acts::Rests(0); frictions.len()],
+            frictions: vec![StickSlip::Rests(0); frictions.len()],
         };
         let count = vec![0; plan.events.len()];
         let (models, happenings) = (BTreeMap::new(), Vec::new());
@@ -469,7 +469,7 @@ impl<'p> Maker<'p> {
         }
         let pressing: BTreeSet<&String> = mode.pressing.iter().map(|&i| &self.stops[i].drive).collect();
         let rubbing = || self.frictions.iter().zip(&mode.frictions);
-        let sticks = |name: &str| rubbing().any(|(x, acts)| *acts == Acts::Sticks && x.drive == name);
+        let sticks = |name: &str| rubbing().any(|(x, acts)| *acts == StickSlip::Sticks && x.drive == name);
         let acts = |name: &str| {
             let switched = self.plan.switched.iter().any(|x| x == name);
             !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned()) || sticks(name)
@@ -502,7 +502,7 @@ impl<'p> Maker<'p> {
     /// What a mode follows beside the events, in the order of their numbers after those of the events.
     fn own(&self, mode: &Mode) -> Vec<Own> {
         let presses = mode.pressing.iter().map(|&s| Own::Press(s));
-        let rests = (0..self.frictions.len()).filter(|&i| !matches!(mode.frictions[i], Acts::Slips(_)));
+        let rests = (0..self.frictions.len()).filter(|&i| !matches!(mode.frictions[i], StickSlip::Slips(_)));
         presses.chain(rests.flat_map(|i| [1, -1].map(|sign| Own::Slip(i, sign)))).collect()
     }
 
@@ -524,8 +524,8 @@ impl<'p> Maker<'p> {
             }
             for (_, acts) in self.frictions.iter().zip(&mode.frictions).filter(|x| x.0.event == i) {
                 match acts {
-                    Acts::Slips(sign) => event.side = Some(*sign > 0),
-                    Acts::Sticks | Acts::Rests(_) => event.most = 0,
+                    StickSlip::Slips(sign) => event.side = Some(*sign > 0),
+                    StickSlip::Sticks | StickSlip::Rests(_) => event.most = 0,
                 }
             }
             events.push(event);
@@ -542,11 +542,11 @@ impl<'p> Maker<'p> {
                 Own::Slip(i, sign) => {
                     let (friction, sign) = (&self.frictions[i], f64::from(sign));
                     let what = match mode.frictions[i] {
-                        Acts::Sticks => {
+                        StickSlip::Sticks => {
                             let most = Some(Largest { model: self.plan.model.clone(), force: friction.force });
                             Lasts::Force { row: row(&friction.drive), sign, most }
                         }
-                        _ => Lasts::Rate { event: friction.event, sign, width: AT_REST * friction.size },
+                        _ => Lasts::Rate { event: friction.event, sign, width: RATE_AT_REST * friction.size },
                     };
                     (what, friction.event, "slips")
                 }
@@ -675,7 +675,7 @@ impl<'p> Maker<'p> {
         let passed = occurred.iter().filter_map(|x| x.event.checked_sub(self.plan.events.len()));
         let passed: Vec<Own> = passed.filter_map(|i| own.get(i).copied()).collect();
         let Settled { reached, pressing, frictions, accumulated } =
-            self.settled((t, &q), &impact, (&held, &set), (&closed, &passed), occurred)?;
+            self.settled((t, &q), &impact, (&held, &set), (&closed, &passed), (mode, occurred))?;
         let Reached { v, multipliers, energy } = reached;
         for &i in &closed {
             let stop = &self.stops[i];
@@ -702,8 +702,10 @@ impl<'p> Maker<'p> {
             let (event, rises) = (self.frictions[i].event, from.sign().max(to.sign()) > 0);
             match (from, to) {
                 _ if occurred.is_empty() => {}
-                (Acts::Slips(_), Acts::Sticks | Acts::Rests(_)) => done.push((event, from.sign() < 0, Kind::Stick)),
-                (_, Acts::Slips(_)) if from != to => done.push((event, rises, Kind::Slip)),
+                (StickSlip::Slips(_), StickSlip::Sticks | StickSlip::Rests(_)) => {
+                    done.push((event, from.sign() < 0, Kind::Stick))
+                }
+                (_, StickSlip::Slips(_)) if from != to => done.push((event, rises, Kind::Slip)),
                 _ => {}
             }
         }
@@ -750,7 +752,7 @@ impl<'p> Maker<'p> {
         impact: &Impact,
         (held, set): (&Rates, &Rates),
         (closed, passed): (&[usize], &[Own]),
-        occurred: &[Occurrence],
+        (mode, occurred): (&Mode, &[Occurrence]),
     ) -> Result<Settled, AnalysisError> {
         let mut sides: Vec<OneSided> = closed.iter().map(|&i| self.stops[i].side).collect();
         let mut stays = vec![false; sides.len()];
@@ -770,10 +772,11 @@ impl<'p> Maker<'p> {
                 let small = tolerance::EQUAL * fastest;
                 // it has just come to rest, and nothing has moved it since
                 let stopped = occurred.iter().any(|o| o.event == x.event) && (rate - impact.rate(side)).abs() <= small;
-                stopped || rate.abs() <= small.max(AT_REST * x.size)
+                stopped || rate.abs() <= small.max(RATE_AT_REST * x.size)
             };
             let still: Vec<bool> = (0..self.frictions.len()).map(still).collect();
-            let (frictions, pushed) = self.rubbed((t, q, &reached.v), (&after, &still), (&rows, &resting), passed)?;
+            let before = (&mode.frictions[..], passed);
+            let (frictions, pushed) = self.rubbed((t, q, &reached.v), (&after, &still), (&rows, &resting), before)?;
             // one that comes back at once, and hardly leaves, stays
             let low = |&i: &usize| {
                 let (side, stop) = (sides[i], &self.stops[closed[i]]);
@@ -805,16 +808,16 @@ impl<'p> Maker<'p> {
         }
     }
 
-    /// How the frictions act at (t, q, v), and the accelerations there. Those that move slip. Of those at rest all stick to
-    /// begin with; the first one that would have to carry too much slips, the first one that would slip against its force
+    /// How the frictions act at (t, q, v), and the accelerations there. Those that move slip. Of those at rest all that do
+    /// not carry as much as they can stick to begin with; the first one that would have to carry too much slips, the first one that would slip against its force
     /// sticks, until none is left (for equal magnitudes at rest and in motion the rule of the least index, which ends).
     fn rubbed(
         &self,
         (t, q, v): (f64, &[f64], &[f64]),
         (after, still): (&Impact, &[bool]),
         (rows, resting): (&[usize], &[OneSided]),
-        passed: &[Own],
-    ) -> Result<(Vec<Acts>, Reached), AnalysisError> {
+        (before, passed): (&[StickSlip], &[Own]),
+    ) -> Result<(Vec<StickSlip>, Reached), AnalysisError> {
         let count = self.frictions.len();
         if count == 0 {
             return Ok((Vec::new(), after.accelerations(rows, resting, &[])?));
@@ -825,7 +828,7 @@ impl<'p> Maker<'p> {
         let side = |i: usize| self.frictions[i].side();
         let sense = |x: f64| if x > 0.0 { 1 } else { -1 };
         let bare = after.accelerations(rows, resting, &[])?;
-        let mut acts = vec![Acts::Sticks; count];
+        let mut acts = vec![StickSlip::Sticks; count];
         let mut decided = vec![false; count];
         for i in 0..count {
             let (rate, growth) = (after.rate(side(i)), after.growth(side(i), &bare.v));
@@ -837,11 +840,15 @@ impl<'p> Maker<'p> {
                 _ => None,
             });
             (acts[i], decided[i]) = match (moves, set_off, led) {
-                (true, ..) => (Acts::Slips(sense(rate)), true),
-                (_, true, _) => (Acts::Slips(sense(growth)), true),
-                (.., Some(sign)) => (Acts::Slips(sign), bound),
-                _ if bound => (Acts::Rests(0), true),
-                _ => (Acts::Sticks, false),
+                (true, ..) => (StickSlip::Slips(sense(rate)), true),
+                (_, true, _) => (StickSlip::Slips(sense(growth)), true),
+                (.., Some(sign)) => (StickSlip::Slips(sign), bound),
+                _ if bound => (StickSlip::Rests(0), true),
+                _ => match before[i] {
+                    // as large as it can be, which it may be still
+                    StickSlip::Rests(sign) if sign != 0 => (StickSlip::Slips(sign), false),
+                    _ => (StickSlip::Sticks, false),
+                },
             };
         }
         for _ in 0..MOST_FLIPS {
@@ -851,22 +858,24 @@ impl<'p> Maker<'p> {
             for i in 0..count {
                 let row = side(i).row;
                 match acts[i] {
-                    Acts::Sticks if after.follows(row, &held) => now[i] = Acts::Rests(0),
-                    Acts::Sticks => held.push(row),
-                    Acts::Slips(sign) | Acts::Rests(sign) => applied.push((row, -f64::from(sign) * levels[i][0])),
+                    StickSlip::Sticks if after.follows(row, &held) => now[i] = StickSlip::Rests(0),
+                    StickSlip::Sticks => held.push(row),
+                    StickSlip::Slips(sign) | StickSlip::Rests(sign) => {
+                        applied.push((row, -f64::from(sign) * levels[i][0]))
+                    }
                 }
             }
             let pushed = after.accelerations(&held, resting, &applied)?;
             let flip = (0..count).filter(|&i| !decided[i]).find_map(|i| match now[i] {
-                Acts::Sticks => {
+                StickSlip::Sticks => {
                     let carried = pushed.multipliers[side(i).row];
                     let over = carried.abs() > levels[i][1] * (1.0 + tolerance::EQUAL);
-                    over.then(|| (i, Acts::Slips(-sense(carried))))
+                    over.then(|| (i, StickSlip::Slips(-sense(carried))))
                 }
-                Acts::Slips(sign) if !after.follows(side(i).row, &held) => {
+                StickSlip::Slips(sign) if !after.follows(side(i).row, &held) => {
                     let still = tolerance::EQUAL * after.strongest(side(i));
                     let against = f64::from(sign) * after.growth(side(i), &pushed.v) < -still;
-                    against.then_some((i, Acts::Sticks))
+                    against.then_some((i, StickSlip::Sticks))
                 }
                 _ => None,
             });
@@ -875,8 +884,8 @@ impl<'p> Maker<'p> {
                 continue;
             }
             for i in (0..count).filter(|&i| !decided[i]) {
-                if let (Acts::Slips(sign), true) = (now[i], after.follows(side(i).row, &held)) {
-                    now[i] = Acts::Rests(sign);
+                if let (StickSlip::Slips(sign), true) = (now[i], after.follows(side(i).row, &held)) {
+                    now[i] = StickSlip::Rests(sign);
                 }
             }
             return Ok((now, pushed));
@@ -896,7 +905,7 @@ struct Settled {
     /// The stops that press.
     pressing: BTreeSet<usize>,
     /// How the frictions act.
-    frictions: Vec<Acts>,
+    frictions: Vec<StickSlip>,
     /// One whose infinitely many impacts are over so soon.
     accumulated: Option<(usize, f64)>,
 }

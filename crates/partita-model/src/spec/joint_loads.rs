@@ -284,9 +284,7 @@ impl Stop {
         let kind = match (self.stiffness, self.restitution) {
             (Some(_), Some(_)) => Some("it is compliant (stiffness) or rigid (restitution), not both; give one".into()),
             (None, None) => Some("give a stiffness (compliant ends) or a restitution (rigid ends)".into()),
-            (None, Some(e)) if !(0.0..=1.0).contains(&e) => {
-                Some(format!("restitution = {e} must lie between 0 and 1"))
-            }
+            (None, Some(e)) if !(0.0..=1.0).contains(&e) => Some(format!("restitution = {e} must lie between 0 and 1")),
             _ => None,
         };
         order

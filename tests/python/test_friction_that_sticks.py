@@ -1,0 +1,450 @@
+"""Friction that sticks, brakes, clutches, freewheels, latches and rigid stops as elements."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from test_event_actions import COORDINATES, TIGHT
+
+import partita as pt
+from partita.errors import DescriptionError
+
+
+def wheel(inertia: float = 0.4) -> pt.Mechanism:
+    m = pt.Mechanism("wheel", gravity=None)
+    body = m.add_body("wheel", mass=1.0, inertia=(0.5 * inertia, 0.5 * inertia, inertia))
+    m.add_revolute("A", m.ground, body, point=(0, 0, 0), axis=(0, 0, 1))
+    return m
+
+
+def sledge(mass: float = 2.0) -> pt.Mechanism:
+    m = pt.Mechanism("sledge", gravity=None)
+    body = m.add_body("sledge", mass=mass, inertia=(1, 1, 1))
+    m.add_prismatic("S", m.ground, body, axis=(1, 0, 0))
+    return m
+
+
+def kinds(run: pt.Result) -> list[tuple[str, str]]:
+    return [(event.name, event.kind) for event in run.events]
+
+
+@COORDINATES
+@pytest.mark.parametrize(("rtol", "error"), [(1e-6, 1e-5), (1e-9, 1e-8), (1e-12, 1e-11)])
+def test_stick_and_slip_on_a_belt(coordinates: str, rtol: float, error: float) -> None:
+    """A mass on a moving belt, held by a spring: sticks until the spring carries what friction can, then slips through a
+    part of a harmonic oscillation. Closed forms."""
+    m = pt.Mechanism("belt", gravity=None)
+    belt = m.add_body("belt", mass=1.0, inertia=(1, 1, 1))
+    mass = m.add_body("mass", mass=2.0, inertia=(1, 1, 1))
+    m.add_prismatic("B", m.ground, belt, axis=(1, 0, 0))
+    m.add_prismatic("X", belt, mass, axis=(1, 0, 0))
+    m.add_drive("B", velocity=0.3)
+    spring = m.add_spring("S", m.ground, (-5, 0, 0), mass, (0, 0, 0), stiffness=50.0, length=5.0)
+    static, dynamic = 0.5 * 2.0 * 9.81, 0.3 * 2.0 * 9.81
+    m.add_friction("rub", "X", dynamic, static=static)
+    start = m.assemble(rates={"B": 0.3, "X": 0.0}, coordinates=coordinates)
+    run = m.simulate(5.0, initial=start, coordinates=coordinates, rtol=rtol, atol=rtol)
+    assert run.success and run.certificate.verdict == "valid"
+    breaks, returns = static / 50.0, dynamic / 50.0 - (static - dynamic) / 50.0
+    omega, arm, speed = 5.0, (static - dynamic) / 50.0, 0.3
+    slip = (2.0 * math.pi - 2.0 * math.atan2(arm, speed / omega)) / omega
+    times, t = [], breaks / speed
+    for _ in range(3):
+        times += [t, t + slip]
+        t += slip + (breaks - returns) / speed
+    assert kinds(run) == [("rub", "slip"), ("rub", "stick")] * 3 + [("rub", "slip")]
+    assert run.events.t[:6] == pytest.approx(times, rel=error, abs=error)
+    assert run.events["rub"][1].before.velocity("X") == pytest.approx(0.0, abs=error)
+    sticks = run.t < 0.65
+    at_spring = run.force(spring).force
+    assert np.abs(run.v[sticks] - run.v[0]).max() < 1e-12
+    # while it sticks friction carries what the spring pulls, while it slips its own force, in the sense of the pull
+    assert run.force("rub").effort[sticks] == pytest.approx(at_spring[sticks], abs=1e-10)
+    slips = (run.t > times[0]) & (run.t < times[1])
+    assert slips.sum() > 20
+    assert run.force("rub").effort[slips] == pytest.approx(dynamic, abs=1e-12)
+    assert run.joint("X").force[slips, 0] == pytest.approx(dynamic, abs=1e-12)
+    balance = run.energy.total - run.energy.work
+    assert np.ptp(balance) < 100 * error
+
+
+def slider_crank() -> pt.Mechanism:
+    """Crank 0.08 m, rod 0.25 m, from the outer dead centre; gravity along -y."""
+    m = pt.Mechanism("slider-crank", gravity=(0, -9.81, 0))
+    crank = m.add_body("crank", mass=0.5, com=(0.02, 0, 0), inertia=(1e-3, 1e-3, 0.0012))
+    rod = m.add_body("rod", mass=0.6, com=(0.08, 0, 0), inertia=(2e-3, 2e-3, 0.0035), position=(0.08, 0, 0))
+    slider = m.add_body("slider", mass=0.8, inertia=(1e-3, 1e-3, 1e-3), position=(0.33, 0, 0))
+    m.add_revolute("O", m.ground, crank, point=(0, 0, 0))
+    m.add_revolute("P", crank, rod, point=(0.08, 0, 0))
+    m.add_revolute("W", rod, slider, point=(0.33, 0, 0))
+    m.add_prismatic("S", m.ground, slider, point=(0.33, 0, 0), axis=(1, 0, 0))
+    return m
+
+
+@COORDINATES
+def test_a_slider_crank_swings_to_rest_where_friction_holds_it(coordinates: str) -> None:
+    """Half swings by quadrature of the energy, in 45 digits."""
+    m = slider_crank()
+    m.add_friction("S", 1.5, static=2.2)
+    start = m.assemble({"O": -0.1}, coordinates=coordinates)
+    run = m.simulate(1.2, initial=start, coordinates=coordinates, **TIGHT)
+    assert run.success and run.certificate.verdict == "valid"
+    assert [event.kind for event in run.events] == ["slip", "stick"]
+    turns, rests = run.events
+    assert turns.t == pytest.approx(0.437092332957285468, rel=1e-10)
+    assert turns.before.position("O") == pytest.approx(-2.46440933014005237643, rel=1e-10)
+    assert rests.t == pytest.approx(0.867590337514773241, rel=1e-10)
+    assert rests.before.position("O") == pytest.approx(-1.19923401532868649694, rel=1e-9)
+    held = run.t > 0.87
+    effort = run.force("friction in S").effort
+    assert effort[held] == pytest.approx(1.81635031952501329829, rel=1e-8)
+    assert set(np.round(effort[run.t < 0.43], 12)) <= {1.5, -1.5}
+    assert np.abs(run.v[held]).max() < 1e-12
+
+
+@COORDINATES
+def test_a_clutch_slips_sticks_and_slips_again(coordinates: str) -> None:
+    """Two rotors; the clutch of 6 N m engages at 0.5 s, breaks away at 7.5 N m under a motor torque that grows from 3 s on.
+    Rational closed forms."""
+    m = pt.Mechanism("clutch", gravity=None)
+    one = m.add_body("one", mass=1.0, inertia=(1, 1, 0.4))
+    two = m.add_body("two", mass=1.0, inertia=(1, 1, 1.1))
+    m.add_revolute("A", m.ground, one, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_revolute("B", m.ground, two, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_revolute("C", two, one, point=(0, 0, 0), axis=(0, 0, 1))
+    engaged = 0.5
+    m.add_brake("clutch", "C", lambda t, state: 6.0 * (t >= engaged), static=lambda t, state: 7.5 * (t >= engaged))
+    m.add_torque("motor", "A", ([0.0, 3.0, 20.0], [0.0, 0.0, 34.0]), interpolation="linear")
+    start = m.assemble(rates={"A": 10.0, "B": -3.0}, coordinates=coordinates)
+    t_eval = [0.0, 0.4, 4.0, 9.0, 9.11363636363636363636]
+    run = m.simulate(10.0, initial=start, coordinates=coordinates, t_eval=t_eval, **TIGHT)
+    assert run.success and kinds(run) == [("clutch", "stick"), ("clutch", "slip")], run.message
+    sticks, slips = run.events
+    assert sticks.t == pytest.approx(1.13555555555555555556, rel=1e-10)
+    assert sticks.after.velocity("A") == pytest.approx(0.466666666666666666667, rel=1e-9)
+    assert slips.t == pytest.approx(8.11363636363636363636, rel=1e-10)
+    assert slips.before.velocity("A") == pytest.approx(17.8995179063360881542699724518, rel=1e-10)
+    rates = run.joint("A").velocity[-1], run.joint("B").velocity[-1]
+    assert np.ravel(rates) == pytest.approx([30.9676997245179063361, 23.3540633608815426997], rel=1e-10)
+    assert abs(run.force("clutch").effort[2]) == pytest.approx(1.46666666666666666667, rel=1e-9)
+    assert run.energy.total == pytest.approx(run.energy.total[0] + run.energy.work - run.energy.work[0], rel=1e-10)
+    free = m.simulate(1.2, initial=start, coordinates=coordinates, t_eval=[0.0, 1.2], **TIGHT)
+    heat = free.energy.total[0] - free.energy.total[-1]
+    assert heat == pytest.approx(24.7866666666666666667, rel=1e-10)
+
+
+def test_a_brake_stops_a_rotor_and_holds_it() -> None:
+    m = wheel(1.1)
+    m.add_torque("outside", "A", 0.8)
+    m.add_brake("A", 5.0, name="brake")
+    start = m.assemble(rates={"A": -3.0})
+    run = m.simulate(2.0, initial=start, **TIGHT)
+    assert kinds(run) == [("brake", "stick")]
+    assert run.events[0].t == pytest.approx(1.1 * 3.0 / 5.8, rel=1e-12)
+    assert run.joint("A").angle[-1] == pytest.approx(-0.5 * 3.0 * 1.1 * 3.0 / 5.8, rel=1e-12)
+    assert run.force("brake").effort[-1] == pytest.approx(-0.8, rel=1e-12)
+    assert run.drive("brake").effort[-1, 0] == pytest.approx(-0.8, rel=1e-12)
+    assert run.force("brake").power[0] == pytest.approx(-15.0) and run.force("brake").power[-1] == 0.0
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_friction_at_rest_carries_any_load_up_to_its_own(sense: int) -> None:
+    """A load that grows linearly: nothing moves until it reaches the static magnitude, at a known time."""
+    m = sledge()
+    m.add_force("sledge", (lambda t, state: 2.0 * sense * t, 0.0, 0.0))
+    m.add_friction("S", 4.0, static=5.0)
+    run = m.simulate(4.0, **TIGHT)
+    assert [(event.kind, event.direction) for event in run.events] == [("slip", sense)]
+    assert run.events[0].t == pytest.approx(2.5, rel=1e-12)
+    # m x'' = 2 t - 4 from there on
+    tau = run.t[-1] - 2.5
+    assert run.joint("S").velocity[-1] == pytest.approx(sense * (tau**2 + tau) / 2.0, rel=1e-10)
+
+
+def test_a_mechanism_at_rest_under_no_load_stays_there_for_any_time() -> None:
+    m = slider_crank()
+    m.gravity = (0, 0, 0)
+    m.add_friction("S", 1.5)
+    m.add_friction("O", 0.2)
+    run = m.simulate(50.0, initial=m.assemble({"O": 0.7}))
+    assert run.success and not run.events and np.ptp(run.q, axis=0).max() == 0.0
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_two_frictions_on_one_degree_of_freedom_hold_with_both(order: tuple[int, int]) -> None:
+    """Frictions of 1 and 2 N m about one axis carry 3 N m at rest and resist with 3 N m in motion."""
+    m = wheel()
+    for i in order:
+        m.add_friction("A", (1.0, 2.0)[i], name=("one", "two")[i])
+    m.add_torque("A", lambda t, state: 1.5 * t)
+    run = m.simulate(3.0, **TIGHT)
+    assert run.success and run.events.t == pytest.approx([2.0] * len(run.events), rel=1e-9)
+    total = run.force("one").effort + run.force("two").effort
+    rests = run.t < 2.0
+    assert total[rests] == pytest.approx(-1.5 * run.t[rests], abs=1e-12)
+    assert total[run.t > 2.001] == pytest.approx(-3.0)
+    assert run.joint("A").velocity[-1] == pytest.approx(0.75 / 0.4, rel=1e-9)
+
+
+def test_frictions_of_several_joints_of_a_loop_hold_together() -> None:
+    """At rest a parallelogram of massless effect carries the sum of its four frictions about its hinges; it begins to
+    move where the load exceeds them all, by virtual work."""
+    m = slider_crank()
+    m.gravity = (0, 0, 0)
+    start = m.assemble({"O": 1.0})
+    levels = {"O": 0.3, "P": 0.2, "W": 0.1, "S": 2.0}
+    for name, level in levels.items():
+        m.add_friction(name, level)
+    m.add_torque("load", "O", ([0.0, 100.0], [0.0, 100.0]))
+    # rates of all joints for a unit rate of the crank
+    rates = m.assemble({"O": 1.0}, rates={"O": 1.0})
+    ratio = {name: float(np.ravel(rates.velocity(name))[0]) for name in levels}
+    most = sum(level * abs(ratio[name]) for name, level in levels.items())
+    run = m.simulate(most + 0.05, initial=start, t_eval=np.linspace(0.0, most + 0.05, 50), **TIGHT)
+    first = [event for event in run.events if event.kind == "slip"]
+    assert run.success and {event.name for event in first} == {f"friction in {name}" for name in levels}
+    assert max(event.t for event in first) == pytest.approx(most, rel=1e-9)
+    at_rest = run.t < most
+    assert np.ptp(run.q[at_rest], axis=0).max() < 1e-13
+    for name, level in levels.items():
+        effort = run.force(f"friction in {name}").effort
+        assert np.abs(effort).max() <= level * (1.0 + 1e-9)
+        assert effort[-1] == pytest.approx(-math.copysign(level, ratio[name]), rel=1e-9)
+    power = sum(run.force(f"friction in {name}").effort[at_rest] * ratio[name] for name in levels)
+    assert power == pytest.approx(-run.t[at_rest], abs=1e-9)
+
+
+@COORDINATES
+def test_friction_of_a_driven_coordinate_turns_with_its_rate(coordinates: str) -> None:
+    """A driven slide that moves to and fro, and rests in between: the drive overcomes friction in the sense of motion."""
+    m = sledge()
+    m.add_drive("S", position=lambda t: np.sin(2.0 * t))
+    m.add_friction("S", 3.0)
+    run = m.simulate(3.0, coordinates=coordinates, t_eval=np.linspace(0.0, 3.0, 61), **TIGHT)
+    assert run.success, run.message
+    velocity = 2.0 * np.cos(2.0 * run.t)
+    clear = np.abs(velocity) > 1e-3
+    assert run.force("friction in S").effort[clear] == pytest.approx(-3.0 * np.sign(velocity[clear]))
+    drive = -8.0 * np.sin(2.0 * run.t) + 3.0 * np.sign(velocity)
+    assert run.drive("drive of S").effort[clear, 0] == pytest.approx(drive[clear], rel=1e-9, abs=1e-8)
+    turns = [0.25 * math.pi, 0.75 * math.pi]
+    assert run.events.t == pytest.approx(turns, rel=1e-10)
+
+
+def test_friction_of_a_coordinate_that_a_drive_starts_from_rest() -> None:
+    m = sledge()
+    m.add_drive("S", velocity=([0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 1.0, 1.0]))
+    m.add_friction("S", 3.0)
+    run = m.simulate(3.0, t_eval=[0.5, 1.5, 2.5])
+    assert run.success, run.message
+    assert run.force("friction in S").effort == pytest.approx([0.0, -3.0, -3.0])
+    assert run.drive("drive of S").effort[:, 0] == pytest.approx([0.0, 5.0, 3.0])
+
+
+@COORDINATES
+def test_a_one_way_clutch_carries_while_it_is_driven_and_overruns(coordinates: str) -> None:
+    """The outer ring has the rate 2 sin 5t, the shaft a drag: engaged while the clutch has to push. Times by roots of the
+    closed form of the free motion, in 45 digits."""
+    m = pt.Mechanism("clutch", gravity=None)
+    ring = m.add_body("ring", mass=1.0, inertia=(1, 1, 1))
+    shaft = m.add_body("shaft", mass=1.0, inertia=(1, 1, 0.3))
+    m.add_revolute("R", m.ground, ring, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_revolute("S", m.ground, shaft, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_revolute("C", ring, shaft, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_drive("R", position=lambda t: 0.4 * (1.0 - np.cos(5.0 * t)), name="engine")
+    m.add_torsion_spring("S", stiffness=0.0, damping=0.2)
+    m.add_freewheel("clutch", "C", free=1)
+    run = m.simulate(4.0, coordinates=coordinates, initial=m.assemble(coordinates=coordinates), **TIGHT)
+    assert run.success, run.message
+    assert [event.kind for event in run.events] == ["release", "lock"] * 3
+    right = [0.340669571818314128, 1.36177355424800542883, 1.59730663325423142349]
+    right += [2.61841061568392272421, 2.85394369469014871887, 3.87504767711984001960]
+    assert run.events.t == pytest.approx(right, rel=1e-10)
+    frees, takes = run.events[:2]
+    assert frees.before.velocity("S") == pytest.approx(1.98245580136526933544, rel=1e-10)
+    assert frees.before.position("S") == pytest.approx(0.452865488036407182278, rel=1e-10)
+    assert takes.before.velocity("S") == pytest.approx(1.00360688079395055261, rel=1e-9)
+    assert takes.after.position("S") == pytest.approx(1.92113886889338535652, rel=1e-10)
+    effort = run.force("clutch").effort
+    assert effort[0] == pytest.approx(3.0, rel=1e-12) and effort.min() > -1e-9
+    assert np.abs(effort[(run.t > 0.35) & (run.t < 1.36)]).max() == 0.0
+
+
+def test_a_freewheel_that_is_hit_backwards_takes_the_impulse() -> None:
+    """Two wheels, one on a freewheel: a lock of their common hinge makes both one, which would turn backwards."""
+    m = wheel()
+    other = m.add_body("other", mass=1.0, inertia=(1, 1, 0.6))
+    m.add_revolute("B", m.ground, other, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_revolute("C", "wheel", other, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_freewheel("A", name="one-way")
+    catch = pt.Event("catch", lambda t, state: t - 0.5, then=pt.Lock("C"))
+    run = m.simulate(1.0, initial=m.assemble(rates={"A": 2.0, "B": -3.0}), events=[catch])
+    assert run.success and np.abs(run.v[-1]).max() < 1e-12
+    assert {(e.name, e.kind) for e in run.events} == {("catch", "lock"), ("one-way", "lock")}
+    lost = sum(event.energy_lost for event in run.events)
+    assert lost == pytest.approx(0.5 * 0.4 * 4.0 + 0.5 * 0.6 * 9.0)
+    taken = run.events["one-way"][0].impulses
+    assert taken["one-way"].effort == pytest.approx(0.6 * 3.0 - 0.4 * 2.0)
+    assert taken["A"].moment[2] == pytest.approx(0.6 * 3.0 - 0.4 * 2.0)
+
+
+def test_a_rigid_stop_is_an_element_with_its_own_records() -> None:
+    """A ball between two plates, against the same by events."""
+    m = sledge(1.3)
+    m.gravity = (-9.81, 0, 0)
+    m.add_stop("ends", "S", lower=-1.0, upper=0.5, restitution=0.5)
+    start = m.assemble(rates={"S": 6.0})
+    run = m.simulate(3.0, initial=start, **TIGHT)
+    other = sledge(1.3)
+    other.gravity = (-9.81, 0, 0)
+    events = [
+        pt.Event("low", "S", value=-1.0, direction=-1, then=pt.Stop(0.5)),
+        pt.Event("high", "S", value=0.5, direction=1, then=pt.Stop(0.5)),
+    ]
+    same = other.simulate(3.0, initial=start, events=events, **TIGHT)
+    assert run.events.t == pytest.approx(same.events.t, rel=1e-14)
+    assert [event.kind for event in run.events] == [event.kind for event in same.events]
+    assert {event.name for event in run.events} == {"ends"}
+    assert [event.direction for event in run.events[:2]] == [1, -1]
+    assert run.force("ends").effort[-1] == pytest.approx(1.3 * 9.81)
+    assert (run.q == same.q).all()
+
+
+def test_a_latch_is_an_element_that_is_released_by_its_name() -> None:
+    m = pt.Mechanism("door", gravity=(0, -9.81, 0))
+    rod = m.add_rod("rod", start=(0, 0, 0), end=(0, -1.2, 0), mass=4.0)
+    m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
+    latch = m.add_latch("A", at=0.7, direction=1, name="latch")
+    for release in (latch, "latch", "A"):
+        go = pt.Event("go", lambda t, state: t - 2.5, then=pt.Release(release))
+        run = m.simulate(3.0, initial=m.assemble({"A": -1.1}), events=[go], **TIGHT)
+        assert kinds(run) == [("latch", "lock"), ("go", "release")]
+        assert run.events[0].t == pytest.approx(0.693939198568014325, rel=1e-10)
+        assert run.events[0].energy_lost == pytest.approx(7.32797737458220149, rel=1e-9)
+        held = (run.t > 0.7) & (run.t < 2.5)
+        assert run.force("latch").effort[held] == pytest.approx(15.1674612283241981676, rel=1e-9)
+    # an open latch is no matter for an equilibrium
+    assert m.equilibrium().state.position("A") == pytest.approx(0.0, abs=1e-9)
+
+
+def test_stops_and_friction_beside_each_other() -> None:
+    """A block with friction that bounces between two rigid ends and comes to rest: velocities by the closed form of each
+    flight."""
+    m = sledge()
+    m.add_friction("S", 1.0)
+    m.add_stop("S", lower=-0.5, upper=0.5, restitution=0.8)
+    run = m.simulate(20.0, initial=m.assemble(rates={"S": 2.0}), **TIGHT)
+    speed, x, sense, t, hits = 2.0, 0.0, 1, 0.0, []
+    while True:
+        apart = abs(0.5 * sense - x)
+        left = speed**2 - 2.0 * 0.5 * apart
+        if left <= 0.0:
+            break
+        t += (speed - math.sqrt(left)) / 0.5
+        hits.append(t)
+        speed, x, sense = 0.8 * math.sqrt(left), 0.5 * sense, -sense
+    rests = t + speed / 0.5
+    assert [event.kind for event in run.events if event.kind == "impact"] == ["impact"] * len(hits)
+    assert [event.t for event in run.events if event.kind == "impact"] == pytest.approx(hits, rel=1e-10)
+    assert run.events[-1].kind == "stick" and run.events[-1].t == pytest.approx(rests, rel=1e-10)
+    assert run.joint("S").displacement[-1] == pytest.approx(x + sense * speed**2, rel=1e-9)
+    energies = run.energy.total - run.energy.work
+    assert np.ptp(energies) < 1e-10
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_smooth_friction_comes_near_to_the_law_itself(seed: int) -> None:
+    """Random pendulums of three rods with dry friction: steep smooth laws, integrated by another program, approach it."""
+    rng = np.random.default_rng(seed)
+    m = pt.Mechanism("chain", gravity=(0, -9.81, 0))
+    parent, x = m.ground, np.zeros(3)
+    levels = rng.uniform(0.2, 1.5, 2)
+    for i in range(2):
+        end = x + np.array([*rng.normal(size=2), 0.0])
+        rod = m.add_rod(f"rod {i}", start=x, end=end, mass=rng.uniform(0.5, 2.0))
+        m.add_revolute(f"J{i}", parent, rod, point=x)
+        parent, x = rod, end
+    plain = m.compile()
+    rates = {f"J{i}": rng.normal() for i in range(2)}
+    start = m.assemble(rates=rates)
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        q, v = y[:2], y[2:]
+        effort = -levels * np.tanh(v / 2e-4)
+        vdot = np.linalg.solve(plain.mass_matrix(q), plain.forces(q, v) + effort)
+        return np.concatenate([v, vdot])
+
+    times = np.linspace(0.0, 1.0, 21)
+    smooth = solve_ivp(slope, (0.0, 1.0), [*start.q, *start.v], method="Radau", t_eval=times, rtol=1e-8, atol=1e-9)
+    for i in range(2):
+        m.add_friction(f"J{i}", levels[i])
+    run = m.simulate(1.0, initial=m.assemble(rates=rates), t_eval=times, rtol=1e-9)
+    assert run.success and run.certificate.verdict == "valid"
+    assert np.abs(run.q - smooth.y[:2].T).max() < 2e-3
+    for first, second in pairwise(run.energy.total):
+        assert second <= first + 1e-9
+
+
+def test_what_sticks_is_refused_where_only_a_run_can_follow_it() -> None:
+    m = slider_crank()
+    m.add_friction("rub", "S", 1.0)
+    state = m.assemble({"O": -0.5})
+    model = m.compile()
+    calls: dict[str, Any] = {
+        "equilibrium": lambda: m.equilibrium(),
+        "equilibria": lambda: m.equilibria(),
+        "linearize": lambda: m.linearize(),
+        "inverse_dynamics": lambda: m.inverse_dynamics((np.linspace(0, 1, 5), {"O": np.linspace(-0.5, -0.4, 5)})),
+        "an ensemble": lambda: m.ensemble(t_eval=[0.0, 1.0], states=[state]),
+        "a stepper": lambda: m.stepper(0.01),
+        "C source": lambda: m.export_c("rub.c"),
+        "an FMU": lambda: m.to_fmu("rub.fmu"),
+        "a playground": lambda: m.to_playground("rub.html"),
+        "simulate": lambda: model.at(state.q, state.v),
+        "state": lambda: model.acceleration(state.q, state.v),
+        "one": lambda: model.forces(state.q, state.v),
+    }
+    for word, call in calls.items():
+        with pytest.raises(DescriptionError, match=f'"rub".*{word}'):
+            call()
+
+
+def test_bad_elements_are_refused_by_name() -> None:
+    m = wheel()
+    for call, words in (
+        (lambda: m.add_stop("A", lower=0.0), "give a stiffness.*or a restitution"),
+        (lambda: m.add_stop("A", lower=0.0, stiffness=1.0, restitution=0.5), "give a stiffness"),
+        (lambda: m.add_stop("A", lower=0.0, restitution=1.5), "0 to 1"),
+        (lambda: m.add_stop("A", lower=0.0, restitution=0.5, damping=1.0), "damping and exponent belong"),
+        (lambda: m.add_freewheel("A", free=2), "no sense"),
+        (lambda: m.add_latch("A", at=1.0, direction=3), "no sense"),
+        (lambda: m.add_friction("A", coefficient=0.1, radius=0.1), "needs a stick_velocity"),
+        (lambda: m.add_brake("A", -1.0), "-1"),
+    ):
+        with pytest.raises(DescriptionError, match=words):
+            call()
+    m.add_latch("A", at=1.0, name="hook")
+    with pytest.raises(DescriptionError, match="an element of the mechanism has this name"):
+        m.simulate(1.0, events=[pt.Event("hook", "A")])
+
+
+def test_elements_are_saved_and_loaded_with_their_numbers(tmp_path: Any) -> None:
+    m = wheel()
+    m.add_torque("A", 1.0)
+    m.add_brake("brake", "A", 0.5, static=0.7)
+    m.add_stop("ends", "A", upper=3.0, lower=-3.0, restitution=0.25)
+    m.add_freewheel("hub", "A", free=1)
+    m.add_latch("hook", "A", at=2.9, direction=-1)
+    m.save(tmp_path / "wheel.toml")
+    again = pt.load(tmp_path / "wheel.toml")
+    run, other = m.simulate(5.0), again.simulate(5.0)
+    assert kinds(run) == kinds(other) and (run.q == other.q).all()
+    # the hub does not let it bounce off the upper end, where it rests
+    assert kinds(run) == [("ends", "impact"), ("ends", "rest"), ("hub", "lock")]
+    assert run.events[0].t == pytest.approx(math.sqrt(2.0 * 3.0 * 0.4 / 0.5)) and np.abs(run.v[-1]).max() < 1e-13
+    changed = m.simulate(5.0, parameters={"ends.upper": 2.0, "brake.dynamic": 0.2, "ends.restitution": 0.0})
+    assert changed.events[0].t == pytest.approx(math.sqrt(2.0 * 2.0 * 0.4 / 0.8))
+    assert changed.joint("A").angle.max() == pytest.approx(2.0, abs=1e-9)
