@@ -448,3 +448,63 @@ def test_elements_are_saved_and_loaded_with_their_numbers(tmp_path: Any) -> None
     changed = m.simulate(5.0, parameters={"ends.upper": 2.0, "brake.dynamic": 0.2, "ends.restitution": 0.0})
     assert changed.events[0].t == pytest.approx(math.sqrt(2.0 * 2.0 * 0.4 / 0.8))
     assert changed.joint("A").angle.max() == pytest.approx(2.0, abs=1e-9)
+
+
+@COORDINATES
+def test_a_rigid_ball_bounces_on_a_slope(coordinates: str) -> None:
+    """A smooth ball over an inclined plane: flights are parabolas in the axes of the slope, each bounce reverses one
+    component of the velocity."""
+    m = pt.Mechanism("slope", gravity=(0, 0, -9.81))
+    ball = m.add_body("ball", mass=0.7, inertia=(1e-3, 1e-3, 1e-3), position=(0, 0, 1.0))
+    m.add_free("F", m.ground, ball)
+    normal = np.array([math.sin(0.3), 0.0, math.cos(0.3)])
+    m.add_contact("floor", ball, (0, 0, 0), m.ground, (0, 0, 0), radius1=0.1, normal=normal, restitution=0.6)
+    run = m.simulate(2.0, coordinates=coordinates, initial=m.assemble(coordinates=coordinates), **TIGHT)
+    assert run.success, run.message
+    fall = 9.81 * math.cos(0.3)
+    height = math.cos(0.3) - 0.1
+    first = math.sqrt(2.0 * height / fall)
+    times = [first, first * 2.2, first * 2.92, first * (1.0 + 1.2 + 0.72 + 0.432)]
+    assert run.events.t[:4] == pytest.approx(times, rel=1e-10)
+    along = np.array([math.cos(0.3), 0.0, -math.sin(0.3)])
+    slid = run.body("ball").position @ along - run.body("ball").position[0] @ along
+    assert slid == pytest.approx(0.5 * 9.81 * math.sin(0.3) * run.t**2, abs=1e-9)
+    assert run.events[0].energy_lost == pytest.approx(0.7 * fall * height * (1.0 - 0.36), rel=1e-9)
+    assert run.events[0].impulses["floor"].effort == pytest.approx(0.7 * 1.6 * fall * first, rel=1e-9)
+
+
+def test_two_rigid_balls_exchange_their_velocities_and_rest_on_the_floor() -> None:
+    m = pt.Mechanism("balls", gravity=(0, 0, -9.81))
+    for name, height in (("low", 0.1), ("high", 1.0)):
+        body = m.add_body(name, mass=0.5, inertia=(1e-3, 1e-3, 1e-3), position=(0, 0, height))
+        m.add_prismatic(f"z of {name}", m.ground, body, axis=(0, 0, 1))
+    m.add_contact("floor", "low", (0, 0, 0), m.ground, (0, 0, 0), radius1=0.1, normal=(0, 0, 1), restitution=0.0)
+    m.add_contact("pair", "high", (0, 0, 0), "low", (0, 0, 0), radius1=0.1, radius2=0.1, restitution=0.0)
+    run = m.simulate(1.0, **TIGHT)
+    assert run.success, run.message
+    lands = math.sqrt(2.0 * 0.7 / 9.81)
+    assert run.events["pair"][0].t == pytest.approx(lands, rel=1e-12)
+    # what rests carries what lies above it
+    assert run.force("floor").effort[[0, -1]] == pytest.approx([0.5 * 9.81, 9.81], rel=1e-9)
+    assert run.force("pair").effort[-1] == pytest.approx(0.5 * 9.81, rel=1e-9)
+    hit = run.events["pair"][0].impulses
+    assert hit["pair"].effort == pytest.approx(0.5 * 9.81 * lands, rel=1e-9)
+    assert hit["floor"].effort == pytest.approx(0.5 * 9.81 * lands, rel=1e-9)
+
+
+def test_a_rigid_contact_is_refused_where_it_cannot_be() -> None:
+    m = sledge()
+    sides: tuple[Any, ...] = ("c", "sledge", (0, 0, 0), m.ground, (1, 0, 0))
+    for more, words in (
+        ({"radius1": 0.1, "normal": (1, 0, 0)}, "give a stiffness.*or a restitution"),
+        ({"radius1": 0.1, "normal": (1, 0, 0), "restitution": 2.0}, "0 to 1"),
+        ({"radius1": 0.1, "normal": (1, 0, 0), "restitution": 0.5, "friction": 0.2, "stick_velocity": 1}, "Painleve"),
+    ):
+        with pytest.raises(DescriptionError, match=words):
+            m.add_contact(*sides, **more)
+    m.add_contact(*sides, radius1=0.1, normal=(-1, 0, 0), restitution=0.5)
+    with pytest.raises(DescriptionError, match="rigid contact"):
+        m.equilibrium()
+    # it begins on the wrong side
+    with pytest.raises(pt.errors.PartitaError, match="beyond the stop"):
+        m.simulate(1.0, initial=m.assemble({"S": 1.2}))

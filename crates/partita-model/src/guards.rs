@@ -17,7 +17,7 @@ impl<G: Space<S = f64>> Element<G> {
     fn guards(&self, name: &str) -> Vec<Guard> {
         let guard = |what: String, size, through| Guard { name: what, size, through };
         match self {
-            Self::Contact(e) => {
+            Self::Contact(e) if e.yields() => {
                 let size = match e.surface {
                     Surface::Plane(_) if e.radius > 0.0 => e.radius,
                     Surface::Plane(_) => 1.0,
@@ -42,7 +42,7 @@ impl<G: Space<S = f64>> Element<G> {
     /// Write the readings of the guards to the front of `out`; returns their number.
     fn read_guards(&self, at: &At<G>, out: &mut [Reading]) -> usize {
         match self {
-            Self::Contact(e) => {
+            Self::Contact(e) if e.yields() => {
                 let [x, rate, gap, speed] = e.gap(at);
                 out[0] = Reading { x, rate, apart: gap.abs(), speed, terms: 0.0 };
                 1

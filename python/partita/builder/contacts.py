@@ -20,12 +20,13 @@ CONTACT = Load(
     radius1=amount("m", least=0.0),
     normal=heading(),
     radius2=amount("m", above=0.0),
-    stiffness=amount(lambda call: per_power("N", "m", call["exponent"]), least=0.0),
+    stiffness=amount(lambda call: per_power("N", "m", call["exponent"]), least=0.0, absent=0.0),
     exponent=amount(least=1.0, kept=True),
     damping=amount("s/m", least=0.0),
     friction=amount(least=0.0),
     static_friction=amount(least=0.0, absent=lambda call: call["friction"]),
     stick_velocity=amount("m/s", above=0.0, absent=1.0, kept=True),
+    restitution=amount(least=0.0),
     lost="its bodies pass through each other",
     apart="both sides are on {}, which cannot touch itself",
 )
@@ -60,9 +61,10 @@ def add_contact(
     point2: ArrayLike,
     *,
     radius1: Quantity,
-    stiffness: Quantity,
+    stiffness: Quantity | None = None,
     normal: ArrayLike | None = None,
     radius2: Quantity | None = None,
+    restitution: float | None = None,
     exponent: float = 1.5,
     damping: Quantity = 0.0,
     friction: float = 0.0,
@@ -76,6 +78,10 @@ def add_contact(
     Hertz's law has exponent 1.5 and stiffness 4/3 E* sqrt(R), 1/R = 1/radius1 + 1/radius2. The force acts at the plane,
     or midway in the overlap of two spheres. Friction opposes sliding there with N times the law of `add_friction`.
 
+    With a `restitution` in place of a stiffness the contact is rigid and smooth: bodies never overlap, they bounce (Newton's
+    law) and rest on each other as long as they press. A run finds the impacts; `run.events` has them with the impulses of
+    all joints. Other analyses, which look at one state, refuse it.
+
     Args:
         name: unique among the forces.
         body1: body that carries the sphere, or the ground.
@@ -83,9 +89,10 @@ def add_contact(
         body2: body that carries the plane or the other sphere, or the ground.
         point2: a point of the plane, or the other centre, in body axes (world for the ground) [m].
         radius1: of the sphere [m]; 0: a point, on a plane only.
-        stiffness: force at a depth of 1 m [N/m^exponent], not negative.
+        stiffness: force at a depth of 1 m [N/m^exponent], not negative; None: the contact is rigid.
         normal: of the plane, towards its free side, in the axes of body 2; the plane has no edge.
         radius2: of the other sphere [m], above 0. Give either `normal` or `radius2`.
+        restitution: of a rigid contact: 0: no rebound, 1: no loss.
         exponent: power of the depth, at least 1.
         damping: relative increase of the force per approach speed [s/m], not negative.
         friction: coefficient of sliding friction; 0: none.
@@ -105,6 +112,18 @@ def add_contact(
     call = CONTACT.checked(locals())
     if (normal is None) == (radius2 is None):
         call.element.fail("the other side is a plane (normal) or a sphere (radius2); give one of the two")
+    rigid = call["restitution"]
+    if (rigid is None) == (call["stiffness"] is None):
+        call.element.fail("give a stiffness, for bodies that yield, or a restitution, for rigid ones")
+    if rigid is not None:
+        if rigid > 1.0:
+            call.element.fail(f"restitution = {rigid:g} would return more speed than came in; give 0 to 1")
+        if call["friction"] or call["static_friction"] or call["damping"]:
+            call.element.fail(
+                "a rigid contact has no friction and no damping here: with friction its forces might have no values, or "
+                "several (Painleve's paradox); give a stiffness in place of the restitution"
+            )
+        return call.store()
     if stick_velocity is None and (call["friction"] or call["static_friction"]):
         call.element.fail("friction needs a stick_velocity: the sliding speed [m/s] below which it counts as sticking")
     return call.store()

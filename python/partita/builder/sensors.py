@@ -339,6 +339,8 @@ def _element(m: Drawing, element: Element, kind: str, name: Any) -> dict[str, An
 def _form(record: Any) -> str:
     if isinstance(record, LoadRecord) and record.kind == "spring":
         return "spring"
+    if isinstance(record, LoadRecord) and record.arguments.get("restitution") is not None:
+        return "effort"
     if isinstance(record, TorqueRecord):
         return "effort"
     return "effort" if isinstance(record, LoadRecord) and "joint" in record.means else "load"

@@ -6,8 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..builder.compiled import CompiledModel
-from ..builder.measures import Coordinate
+from ..builder.measures import Along, Coordinate, Distance
 from ..builder.records import Description, LoadRecord
 from ..errors import DescriptionError
 from ..events import Event
@@ -20,6 +22,7 @@ Hold = Callable[[str, dict[str, Any], str, float], str]
 _ADVICE = {
     "friction": "friction that sticks (without a stick_velocity): give it one, which makes it smooth",
     "stop": "a rigid stop (restitution): give it a stiffness in place of it",
+    "contact": "a rigid contact (restitution): give it a stiffness in place of it",
     "freewheel": "a freewheel: leave it out, or lock the joint",
     "latch": "a latch: leave it out, or lock the joint",
 }
@@ -42,7 +45,7 @@ def is_set_valued(record: Any) -> bool:
     match record.kind:
         case "friction":
             return record.arguments.get("stick_velocity") in (None, 0.0)
-        case "stop":
+        case "stop" | "contact":
             return record.arguments.get("restitution") is not None
         case _:
             return record.kind in ("freewheel", "latch")
@@ -66,14 +69,40 @@ def of_elements(description: Description, model: CompiledModel, hold: Hold, lock
             yield from _of(record, model, hold, locked)
 
 
+def _numbers(record: LoadRecord, field: str, model: CompiledModel) -> list[float]:
+    """As they are in this model."""
+    changed = model._changes.get(f"{record.name}.{field}")
+    return np.ravel(record[field] if changed is None else changed).astype(float).tolist()
+
+
+def _of_contact(record: LoadRecord, model: CompiledModel, hold: Hold) -> OfElement:
+    """Of a rigid contact: the centre of the sphere over the plane, or apart from the other centre."""
+    name, (radius,) = record.name, _numbers(record, "radius1", model)
+    point1, point2 = (_numbers(record, f"point{i}", model) for i in (1, 2))
+    one, other = record["body1"], record["body2"]
+    of: Distance | Along
+    if record["normal"] is None:
+        of = Distance(one, point1, other, point2)
+        measured = {"of": "distance", "body1": one, "point1": point1, "body2": other, "point2": point2}
+        radius += _numbers(record, "radius2", model)[0]
+    else:
+        axis = np.ravel(record["normal"]).tolist()
+        of = Along(other, point2, axis, one, point1)
+        measured = {"of": "along", "body1": other, "point1": point2, "axis": axis, "body2": one, "point2": point1}
+    drive = hold(name, measured, "position", radius)
+    law = {"drive": drive, "sign": 1.0, "restitution": _numbers(record, "restitution", model)[0]}
+    return OfElement(Event(name, of, value=radius, direction=-1), {"stop": law}, name, drive)
+
+
 def _of(record: LoadRecord, model: CompiledModel, hold: Hold, locked: Hold) -> Iterator[OfElement]:
+    if record.kind == "contact":
+        yield _of_contact(record, model, hold)
+        return
     name, joint, coordinate = record.name, record["joint"], record["coordinate"]
     of, measured = Coordinate(joint, coordinate), {"of": "joint", "joint": joint, "coordinate": coordinate}
 
     def number(field: str) -> float:
-        """As it is in this model."""
-        changed = model._changes.get(f"{name}.{field}")
-        return float(record[field] if changed is None else changed[0])
+        return _numbers(record, field, model)[0]
 
     def event(value: float, direction: int, reads: str = "position") -> Event:
         return Event(name, of, value=value, reads=reads, direction=direction)

@@ -123,7 +123,10 @@ class RunSignals:
             if by := self._summary.get("holding", {}).get(name):
                 # what it carries, or resists with, stands along the rows by which it holds
                 load["effort"] = np.sum([self.condition("drive", drive)[:, 0] for drive in by], axis=0)
-                load["power"] = load["effort"] * self.joint(data["joint"])[1][:, data.get("coordinate", 0)]
+                if "joint" in data:
+                    load["power"] = load["effort"] * self.joint(data["joint"])[1][:, data.get("coordinate", 0)]
+                else:  # where it presses its gap does not change
+                    load["power"] = np.zeros(len(self.t))
             self._loads[name] = load
         return self._loads[name]
 
@@ -139,7 +142,8 @@ class RunSignals:
         """A force by its name, read on request."""
         about = self._forces[list(self._forces)[index_of(name, list(self._forces), "force")]][1]
         kind = str(about["kind"])
-        form = "spring" if kind == "spring" else "effort" if "joint" in about else "load"
+        holds = name in self._summary.get("holding", {})
+        form = "spring" if kind == "spring" else "effort" if holds or "joint" in about else "load"
         data = {"of": "force", "force": name, "form": form}
         return ForceResult(name, kind, tuple(READS[form]), lambda reads: FORMS["force"](self, {**data, "reads": reads}))
 

@@ -36,6 +36,11 @@ pub struct Contact<G: Space> {
 }
 
 impl<G: Space<S = f64>> Contact<G> {
+    /// Whether it pushes by its depth; a rigid one is held by a row.
+    pub(crate) fn yields(&self) -> bool {
+        self.buffer.stiffness != 0.0
+    }
+
     /// Gap, its rate, the distance of the surfaces and the largest speed at which it changes. The gap of spheres is
     /// `(d² − ρ²) / 2ρ` with the distance d of the centres and the sum ρ of the radii: a smooth function of the motion
     /// where the distance has a corner, with the same sign.

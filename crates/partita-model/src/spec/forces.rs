@@ -182,6 +182,11 @@ macro_rules! properties {
             None$(.or_else(|| $check(&[$((stringify!($field), self.$field)),+])))*
         }
     };
+    (@set_valued $method:ident) => {
+        fn set_valued(&self) -> Option<&str> {
+            self.$method()
+        }
+    };
     (@fault $method:ident) => {
         fn fault(&self) -> Option<String> {
             self.$method()

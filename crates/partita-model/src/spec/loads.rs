@@ -88,16 +88,29 @@ pub struct Contact {
     pub static_friction: f64,
     /// Stick velocity [m/s].
     pub stick_velocity: f64,
+    /// Coefficient of restitution, of a rigid contact, whose stiffness is 0: a run holds it by a row.
+    #[serde(default)]
+    pub restitution: Option<f64>,
 }
 
 properties! { Contact {
     bodies [body1, body2]
-    numbers [point1, radius1, point2, stiffness, damping, friction, static_friction, stick_velocity, radius2]
+    numbers [point1, radius1, point2, stiffness, damping, friction, static_friction, stick_velocity, radius2, restitution]
+    set_valued rigid
     fault misplaced
 } }
 
 impl Contact {
+    fn rigid(&self) -> Option<&str> {
+        self.restitution.map(|_| "a rigid contact (restitution): give it a stiffness")
+    }
     fn misplaced(&self) -> Option<String> {
+        if let Some(e) = self.restitution.filter(|e| !(0.0..=1.0).contains(e)) {
+            return Some(format!("restitution = {e} must lie between 0 and 1"));
+        }
+        if self.restitution.is_some() && (self.stiffness != 0.0 || self.friction != 0.0) {
+            return Some("a rigid contact (restitution) has neither a stiffness nor friction".into());
+        }
         let radius = || negative(&[("radius1", self.radius1)]);
         let against = match (self.normal, self.radius2) {
             (Some(normal), None) => radius().or_else(|| no_direction(&[("normal", normal)])),
