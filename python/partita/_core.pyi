@@ -335,8 +335,10 @@ class Model:
         step_bytes: int,
         events: EventList,
         acts: str,
+        decisions: list[tuple[str, Callable[[float, Array, Array], str]]],
     ) -> dict[str, Any]:
-        """As `simulate`, where events act: `acts` says which drives hold, and what each event does (JSON)."""
+        """As `simulate`, where events act: `acts` says which drives hold, and what each event does (JSON); `decisions`
+        return such actions at (t, q, v)."""
 
     def with_more_drives(self, drives: str) -> Model:
         """The same mechanism in the same coordinates with more drives (JSON)."""

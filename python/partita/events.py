@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -111,7 +111,8 @@ class Event:
         terminal: True: the run ends there; a number n: at the n-th time. Such a run is a success with the status
             "event", and the event is its last output.
         once: only the first time is reported, and acts.
-        then: what is done there: `pt.Lock`, `pt.Release`, `pt.SetRates`, `pt.Stop`, or a list of these.
+        then: what is done there: `pt.Lock`, `pt.Release`, `pt.SetRates`, `pt.Stop`, or a list of these; or a function
+            f(t, state) that returns one of the first three, a list, or None, from the state before.
 
     Raises:
         ArgumentError: an argument is not as said.
@@ -155,13 +156,25 @@ class Event:
         given = (self.then,) if isinstance(self.then, Action) else self.then
         actions = tuple(given) if is_list(given) else (given,)
         for action in actions:
-            self._check(action)
+            if not callable(action) or isinstance(action, type):
+                self._check(action)
         object.__setattr__(self, "then", actions)
 
-    def _check(self, action: Any) -> None:
+    def decided(self, given: Any) -> tuple[Action, ...]:
+        """What its function returned, checked: actions that can begin where an event happens."""
+        actions = () if given is None else tuple(given) if is_list(given) else (given,)
+        for action in actions:
+            if isinstance(action, Stop):
+                self._refuse("then", "decides on a stop; a stop acts from the start on: give it as then= itself")
+            self._check(action, "returned by its function")
+        return actions
+
+    def _check(self, action: Any, how: str = "") -> None:
         if not isinstance(action, Action):
             self._refuse(
-                "then", f"is {shown(action)}; give pt.Lock, pt.Release, pt.SetRates, pt.Stop or a list of these"
+                "then",
+                f"is {shown(action)}{f', {how}' * bool(how)}; give pt.Lock, pt.Release, pt.SetRates, pt.Stop, a list of these, "
+                "or a function of (t, state)",
             )
         if isinstance(action, Stop):
             if self.direction == 0:
@@ -200,6 +213,8 @@ class Observed:
     functions: list[Function]
     acts: str | None = None
     """What the events do, as JSON; None where they only observe."""
+    decisions: list[tuple[str, Callable[[float, Array, Array], str]]] = field(default_factory=list)
+    """What functions decide: the names of their events, and of t, q, v actions as JSON."""
 
     @property
     def core(self) -> tuple[str, list[Function], int]:

@@ -248,9 +248,9 @@ def run_segments(
     progress: Any,
     solver: Solver | None,
     events: _core.EventList,
-    acts: str,
+    acts: tuple[str, list[Any]],
 ) -> dict[str, Any]:
-    """As `run`, where events act."""
+    """As `run`, where events act: what they do, and the functions that decide about it."""
     if checked_solver(solver).tangent is not None:
         raise ArgumentError(
             "events act with the coordinates of the mechanism, not with tangent velocities of the user",
@@ -258,9 +258,9 @@ def run_segments(
         )
     q, v = map(np.ascontiguousarray, start)
     if progress is False:
-        return core.simulate_segments(chosen.core, t_eval, q, v, None, limit("step_bytes"), events, acts)
+        return core.simulate_segments(chosen.core, t_eval, q, v, None, limit("step_bytes"), events, *acts)
     with reporting(progress, chosen["t_end"] - chosen["t0"], "s") as report:
-        return core.simulate_segments(chosen.core, t_eval, q, v, report, limit("step_bytes"), events, acts)
+        return core.simulate_segments(chosen.core, t_eval, q, v, report, limit("step_bytes"), events, *acts)
 
 
 def si(what: str, value: Any, unit: SI) -> Any:

@@ -593,3 +593,43 @@ def test_the_rate_of_a_distance_is_set() -> None:
     kick = pt.Event("kick", lambda t, state: t - 0.2, then=pt.SetRates({to_tip: -1.0}))
     run = m.simulate(0.3, initial=m.assemble({"A": 0.4, "B": 0.9}), events=[kick], t_eval=[0.1, 0.2, 0.3], **TIGHT)
     assert run.success and run.sensor(length.name).values[1] == pytest.approx(-1.0, rel=1e-10)
+
+
+def test_a_function_decides_what_an_event_does() -> None:
+    """A door that is pushed on its first passage, held on its second, and passes then as it is released."""
+    m = door()
+    seen: list[float] = []
+
+    def decide(t: float, state: Any) -> Any:
+        seen.append(state.velocity("A"))
+        return [pt.SetRates({"A": -1.0}), [pt.Lock("A")], None][len(seen) - 1]
+
+    low = pt.Event("low", "A", value=0.0, then=decide)
+    start = m.assemble({"A": -1.0})
+    run = m.simulate(3.0, initial=start, events=[low], **TIGHT)
+    assert run.success and run.certificate.verdict == "valid"
+    assert [(event.kind, event.name) for event in run.events] == [("rates", "low"), ("lock", "low")]
+    assert seen == [event.before.velocity("A") for event in run.events]
+    plain = m.simulate(1.0, initial=start, events=[pt.Event("low", "A", value=0.0)], **TIGHT)
+    assert run.events[0].t == plain.events[0].t
+    push = m.simulate(2.0, initial=run.events[0].after, events=[pt.Event("low", "A", direction=1)], **TIGHT)
+    assert run.events[1].t == pytest.approx(push.events[0].t, rel=1e-11)
+    assert run.events[0].impulses["A"].moment[2] == pytest.approx((-1.0 - seen[0]) * 4.0 * 1.2**2 / 3.0, rel=1e-9)
+    assert np.abs(run.v[-1]).max() < 1e-13
+
+
+def test_decisions_that_cannot_be_end_a_run_with_the_name_of_the_event() -> None:
+    m = door()
+    cases: list[tuple[Any, str]] = [
+        (lambda t, state: pt.Stop(0.1), "decides on a stop"),
+        (lambda t, state: 3, "then is 3, returned by its function"),
+        (lambda t, state: pt.Lock("Q"), 'no joint "Q"'),
+        (lambda t, state: pt.SetRates({pt.Distance("ground", (0, 0, 0), "rod", (0, 1, 0)): 1.0}), "joints alone"),
+        (lambda t, state: 1 // 0, "ZeroDivisionError"),
+    ]
+    for function, words in cases:
+        run = m.simulate(2.0, initial=m.assemble({"A": -1.0}), events=[pt.Event("low", "A", then=function)])
+        assert not run.success and run.status == "evaluation-failed" and 'event "low"' in run.message
+        assert words in run.message and 0.4 < run.t[-1] < 0.5
+    with pytest.raises(ArgumentError, match="or a function of"):
+        pt.Event("low", "A", then=pt.Lock)

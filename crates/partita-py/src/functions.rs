@@ -27,7 +27,8 @@ impl Callables {
         self.abandoned.store(true, Ordering::Relaxed);
     }
 
-    fn call<T>(
+    /// What function i returns at (t, q, v).
+    pub fn call<T>(
         &self,
         i: usize,
         t: f64,

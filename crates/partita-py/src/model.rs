@@ -403,7 +403,7 @@ impl Model {
     }
 
     /// As `simulate`, where events act: `acts` says which drives hold, and what each event does.
-    #[pyo3(signature = (options, t_eval, q, v, progress, step_bytes, events, acts))]
+    #[pyo3(signature = (options, t_eval, q, v, progress, step_bytes, events, acts, decisions))]
     fn simulate_segments<'py>(
         &self,
         py: Python<'py>,
@@ -415,10 +415,12 @@ impl Model {
         step_bytes: usize,
         events: EventList,
         acts: &str,
+        decisions: Vec<(String, Py<PyAny>)>,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let options = options.get().keeping(step_bytes);
             let (q, v) = self.state(&q, &v)?;
+            let acts = (acts, decisions);
             let found = segments::run(py, &self.inner, &options, &t_eval, (&q, &v), (events, acts), progress)?;
             with_motion(py, &self.inner, found)
         })

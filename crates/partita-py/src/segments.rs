@@ -3,18 +3,20 @@
 use crate::arrays::entries_of;
 use crate::events::{EventList, Events};
 use crate::failure;
+use crate::functions::Callables;
 use crate::outputs::{assessed, described, watched};
 use crate::run::{carried_out, reported, whole, Account, Ended, Read, Reported, RunLog, Stopping};
 use numpy::PyReadonlyArray1;
-use partita_analysis::run::segments::{in_segments, Action, Happening, Plan, Segment, Segments, Slipping};
+use partita_analysis::run::segments::{in_segments, Action, Decisions, Happening, Plan, Segment, Segments, Slipping};
 use partita_analysis::run::{Assessed, Balance, Described, Finding, Request, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::step_log::StepLog;
 use partita_model::Model;
+use partita_system::event::MotionState;
 use partita_system::prelude::*;
 use partita_system::record::{FormulationCounters, Gaps, Output};
-use partita_system::Size;
+use partita_system::{Size, SystemError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use serde::Deserialize;
@@ -27,6 +29,17 @@ struct Written {
     switched: Vec<String>,
     locked: Vec<String>,
     actions: Vec<Vec<Action>>,
+}
+
+/// Decisions that Python functions of (t, q, v) take, each the text of a list of actions, and the names of their events.
+struct Deciding(Vec<String>, Callables);
+
+impl Decisions for Deciding {
+    fn decide(&self, i: usize, at: &MotionState) -> Result<Vec<Action>, SystemError> {
+        let failed = |source| SystemError::Function { what: format!("event \"{}\"", self.0[i]), source };
+        let text: String = self.1.call(i, at.t, &at.q, &at.v, |x| x.extract()).map_err(failed)?;
+        serde_json::from_str(&text).map_err(|e| failed(Box::new(e)))
+    }
 }
 
 /// A segment with what describes its outputs.
@@ -168,14 +181,17 @@ pub fn run<'py>(
     request: &Request,
     t_eval: &PyReadonlyArray1<'py, f64>,
     (q, v): (&[f64], &[f64]),
-    (events, acts): (EventList, &str),
+    (events, (acts, decisions)): (EventList, (&str, Vec<(String, Py<PyAny>)>)),
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let t_eval = entries_of(t_eval);
     let Written { switched, locked, actions } =
         serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
     let observe = Events::new(events)?.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
-    let plan = Plan { model: model.clone(), switched, locked, events: observe.events, actions, most: observe.most };
+    let (names, functions) = decisions.into_iter().unzip();
+    let decisions = Box::new(Deciding(names, Callables::new(functions)));
+    let (events, most) = (observe.events, observe.most);
+    let plan = Plan { model: model.clone(), switched, locked, events, actions, most, decisions };
     let functions = observe.functions;
     let go = |watch: Stopping| in_segments(&plan, functions, request, &t_eval, (q, v), watch);
     let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;

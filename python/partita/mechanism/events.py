@@ -29,6 +29,8 @@ from .models import Modelled
 from .set_valued import of_elements
 
 Array = NDArray[np.float64]
+Decision = Callable[[float, Array, Array], str]
+"""Of t, q, v: actions as JSON."""
 
 
 DEEPEST = 50
@@ -104,7 +106,7 @@ def observed(
     if watched is None:
         watched = Observed((), None, "[]", [])
     acts = {"switched": list(acting.drives), "locked": at_start, "actions": actions}
-    watched = replace(watched, acts=json.dumps(acts))
+    watched = replace(watched, acts=json.dumps(acts), decisions=acting.decisions)
     holding: dict[str, list[str]] = {}
     for one in own:
         holding.setdefault(one.element, []).append(one.drive)
@@ -125,19 +127,51 @@ class _Actions:
     def __init__(self, mechanism: Modelled) -> None:
         self._mechanism = mechanism
         self.drives: dict[str, dict[str, Any]] = {}
+        self.decisions: list[tuple[str, Decision]] = []
 
     def actions(self, event: Event, maker: _Maker) -> list[dict[str, Any]]:
         """What an event does, as plain data."""
         found: list[dict[str, Any]] = []
         for action in event.then:
-            if isinstance(action, Lock):
-                found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
-            elif isinstance(action, Release):
-                found += [{"release": name} for name in self._released(event, action)]
-            elif isinstance(action, SetRates):
-                found.append({"rates": [self._rate(event, joint, x) for joint, x in action.rates.items()]})
+            if callable(action):
+                found.append({"decide": self._decision(event, action, maker)})
             else:
-                found.append({"stop": self._stop(event, action, maker)})
+                found += self._action(event, action, maker)
+        return found
+
+    def _decision(self, event: Event, function: Callable[[float, Any], Any], maker: _Maker) -> int:
+        """The number of what a function decides; all that it may hold is added."""
+        for record in self._mechanism._description.joints.values():
+            for i in range(len(motions(record))):
+                measured = {"of": "joint", "joint": record.name, "coordinate": i}
+                self.hold_locked("", measured, "velocity", 0.0)
+                self._held_rate(measured)
+
+        def decided(t: float, q: Array, v: Array) -> str:
+            found: list[dict[str, Any]] = []
+            for action in event.decided(function(t, maker.state(t, q, v))):
+                drives = dict(self.drives)
+                found += self._action(event, action, maker)
+                if self.drives != drives:
+                    Element("event", event.name).fail(
+                        f"its function decides on {action}; it may set rates of joints alone: give then= this action itself"
+                    )
+            return json.dumps(found)
+
+        self.decisions.append((event.name, decided))
+        return len(self.decisions) - 1
+
+    def _action(self, event: Event, action: Any, maker: _Maker) -> list[dict[str, Any]]:
+        """One action, as plain data."""
+        found: list[dict[str, Any]] = []
+        if isinstance(action, Lock):
+            found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
+        elif isinstance(action, Release):
+            found += [{"release": name} for name in self._released(event, action)]
+        elif isinstance(action, SetRates):
+            found.append({"rates": [self._rate(event, joint, x) for joint, x in action.rates.items()]})
+        else:
+            found.append({"stop": self._stop(event, action, maker)})
         return found
 
     def locked(self, asker: str, joint: Any, coordinate: int | None) -> list[str]:
@@ -164,11 +198,15 @@ class _Actions:
 
     def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
         measured = measure(self._mechanism, Element("event", event.name), joint)
+        return [self._held_rate(measured), float(rate)]
+
+    def _held_rate(self, measured: Mapping[str, Any]) -> str:
+        """The name of the drive that sets a rate."""
         of_joint = measured["of"] == "joint"
         name = f"rate of {measured['joint']}.{measured['coordinate']}" if of_joint else f"rate of {measured['of']}"
         while name in self.drives and self.drives[name]["measure"] != measured:
             name += "'"
-        return [self.hold(name, measured, "velocity", 0.0), float(rate)]
+        return self.hold(name, measured, "velocity", 0.0)
 
     def _stop(self, event: Event, action: Stop, maker: _Maker) -> dict[str, Any]:
         followed = maker.formula(event).get("position")
@@ -203,6 +241,10 @@ class _Maker:
         self._layout, self._all = layout.reading(model.core, model.summary), Sensors(model)
         self.functions: list[Function] = []
 
+    def state(self, t: float, q: Array, v: Array) -> ObservedState:
+        """A state as functions of the user read it."""
+        return ObservedState(t, q, v, self._layout, self._all)
+
     def formula(self, event: Event) -> Formula:
         """What an event follows."""
         of, element = event.of, Element("event", event.name)
@@ -226,8 +268,7 @@ class _Maker:
         return self._call(event.name, lambda state: of(state.t, state))
 
     def _call(self, name: str, function: Callable[[ObservedState], Any]) -> Formula:
-        layout, sensors = self._layout, self._all
-        self.functions.append(called(name, lambda t, q, v: function(ObservedState(t, q, v, layout, sensors))))
+        self.functions.append(called(name, lambda t, q, v: function(self.state(t, q, v))))
         return {"call": len(self.functions) - 1}
 
     def _value(self, tree: Any, state: ObservedState) -> Any:

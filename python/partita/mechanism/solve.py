@@ -466,7 +466,7 @@ def simulate(
         raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver, followed)
     else:
         raw = run_options.run_segments(
-            model.core, chosen, times, (start.q, start.v), progress, solver, watched.core, watched.acts
+            model.core, chosen, times, (start.q, start.v), progress, solver, watched.core, (watched.acts, watched.decisions)
         )
     if notes := (*self._remarks(), *model._sentences):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]

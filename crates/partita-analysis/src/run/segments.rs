@@ -64,6 +64,17 @@ pub enum Action {
         /// The name of the force.
         force: String,
     },
+    /// What this decision says, by its number.
+    Decide(usize),
+}
+
+/// Decisions about actions, taken where an event happens.
+pub trait Decisions: Send + Sync {
+    /// What decision i says at this state.
+    ///
+    /// # Errors
+    /// Where it fails, or says what cannot be.
+    fn decide(&self, i: usize, at: &MotionState) -> Result<Vec<Action>, SystemError>;
 }
 
 /// A run whose events act.
@@ -80,6 +91,8 @@ pub struct Plan {
     pub actions: Vec<Vec<Action>>,
     /// How many may occur.
     pub most: usize,
+    /// What the actions ask.
+    pub decisions: Box<dyn Decisions>,
 }
 
 /// What happened at an event.
@@ -448,7 +461,7 @@ impl<'p> Maker<'p> {
                         let (drive, row, size) = (drive.clone(), known(drive)?, size(drive));
                         frictions.push(FrictionOf { event, drive, row, force: number, name: force.clone(), size });
                     }
-                    Action::Lock(_) | Action::Release(_) | Action::Rates(_) => {}
+                    Action::Lock(_) | Action::Release(_) | Action::Rates(_) | Action::Decide(_) => {}
                 }
             }
         }
@@ -621,6 +634,18 @@ impl<'p> Maker<'p> {
         words.collect::<Vec<_>>().join(", ")
     }
 
+    /// These actions, with what they decide at a state in the place of each decision.
+    fn decided(&self, actions: &[Action], at: &MotionState) -> Result<Vec<Action>, AnalysisError> {
+        let mut all = Vec::with_capacity(actions.len());
+        for action in actions {
+            match action {
+                Action::Decide(i) => all.extend(self.plan.decisions.decide(*i, at)?),
+                other => all.push(other.clone()),
+            }
+        }
+        Ok(all)
+    }
+
     /// Carry out actions at a state: the next mode and the velocities there.
     fn change(
         &mut self,
@@ -639,10 +664,12 @@ impl<'p> Maker<'p> {
                 done.push((event, rises, kind));
             }
         };
+        let (v, vdot) = (before.v.clone(), vec![0.0; before.v.len()]);
+        let state = MotionState { t, q: q.clone(), v, vdot, multipliers: Vec::new() };
         for x in occurred {
             let Some(actions) = self.plan.actions.get(x.event) else { continue };
-            for action in actions {
-                match action {
+            for action in self.decided(actions, &state)? {
+                match &action {
                     Action::Lock(name) => {
                         if next.locked.insert(name.clone()) {
                             note(x.event, x.rises, Kind::Lock);
@@ -661,12 +688,10 @@ impl<'p> Maker<'p> {
                         }
                         note(x.event, x.rises, Kind::Rates);
                     }
-                    Action::Stop { .. } | Action::Freewheel { .. } | Action::Friction { .. } => {}
+                    Action::Stop { .. } | Action::Freewheel { .. } | Action::Friction { .. } | Action::Decide(_) => {}
                 }
             }
         }
-        let (v, vdot) = (before.v.clone(), vec![0.0; before.v.len()]);
-        let state = MotionState { t, q: q.clone(), v, vdot, multipliers: Vec::new() };
         let closed = self.closed(&state)?;
         let impact = Impact::new(&self.plan.model, t, &q, &before.v)?;
         let mut held: Vec<(usize, f64)> = self.always.iter().map(|&row| (row, 0.0)).collect();
