@@ -41,7 +41,11 @@ class Lock:
 
 @dataclass(frozen=True)
 class Release:
-    """An action of an event: a joint that a `Lock` holds, or `locked=` since the start, is free again.
+    """An action of an event: a joint that is locked is free again, or a joint is parted.
+
+    If anything in the run locks the joint (a `Lock` of any event, or `locked=`), the lock ends. Otherwise the joint
+    itself ends: all of its constraints act no longer, and its bodies go on with their velocities. What is parted stays
+    parted.
 
     >>> import partita as pt
     >>> pt.Release("A")

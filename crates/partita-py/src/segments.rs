@@ -10,6 +10,7 @@ use partita_analysis::run::segments::{in_segments, Action, Happening, Plan, Segm
 use partita_analysis::run::{Assessed, Balance, Described, Finding, Request, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
+use partita_integrate::simulate::Observe;
 use partita_integrate::step_log::StepLog;
 use partita_model::Model;
 use partita_system::prelude::*;
@@ -26,11 +27,14 @@ use std::sync::Arc;
 struct Written {
     switched: Vec<String>,
     locked: Vec<String>,
+    #[serde(default)]
+    parted: Vec<String>,
     actions: Vec<Vec<Action>>,
 }
 
 /// A segment with what describes its outputs.
 struct Part {
+    whole: Arc<Model>,
     run: RunLog<Model>,
     rows: Vec<usize>,
 }
@@ -142,6 +146,17 @@ impl Reported for SegmentsLog {
     fn is_divided(&self) -> bool {
         true
     }
+    fn stages(&self) -> Vec<(usize, Arc<Model>)> {
+        let mut stages: Vec<(usize, Arc<Model>)> = Vec::new();
+        for part in &self.parts {
+            let count = part.run.log.outputs.len();
+            match stages.last_mut().filter(|last| Arc::ptr_eq(&last.1, &part.whole)) {
+                Some(last) => last.0 += count,
+                None => stages.push((count, part.whole.clone())),
+            }
+        }
+        stages
+    }
 }
 
 /// Impulses along the rows, of the joints, and the energy lost.
@@ -167,11 +182,11 @@ pub fn run<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let t_eval = entries_of(t_eval);
-    let Written { switched, locked, actions } =
+    let Written { switched, locked, parted, actions } =
         serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
     let observe = Events::new(events)?.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
-    let plan = Plan { model: model.clone(), switched, locked, events: observe.events, actions, most: observe.most };
-    let functions = observe.functions;
+    let Observe { events, functions, most } = observe;
+    let plan = Plan { model: model.clone(), switched, locked, parted, events, actions, most };
     let go = |watch: Stopping| in_segments(&plan, functions, request, &t_eval, (q, v), watch);
     let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;
     reported_segments(py, model, found, cause)
@@ -209,7 +224,8 @@ fn reported_segments<'py>(
     };
     let d = ended.reported(py, model.size(), cause)?;
     d.set_item("happenings", happenings.iter().map(happened).collect::<Vec<_>>())?;
-    let part = |Segment { model, rows, run }: Segment| Part { run: RunLog::new(model, run.log, shared), rows };
+    let part =
+        |Segment { whole, model, rows, run }: Segment| Part { whole, run: RunLog::new(model, run.log, shared), rows };
     let log = SegmentsLog { whole: model.clone(), parts: all.into_iter().map(part).collect(), shared };
     let gaps = (gaps.position.part, gaps.velocity.part);
     d.set_item("log", Account::new(Box::new(log), (counters, work), (open, gaps), exchanged).into_pyobject(py)?)?;

@@ -14,7 +14,7 @@ from ..builder.checks import Element
 from ..builder.compiled import CompiledModel
 from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
-from ..builder.records import Joint
+from ..builder.records import Joint, JointRecord
 from ..builder.sensors import Reading, Sensor, known_expression
 from ..errors import ArgumentError
 from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetRates, Stop, called, listed
@@ -25,9 +25,15 @@ from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
 from ..state import Layout, StateView
-from .models import Modelled
+from .models import Modelled, compile
 
 Array = NDArray[np.float64]
+
+
+_FREE = 6
+"""Directions in which a joint moves that constrains nothing."""
+_ACTING = {"forces": "load", "drives": "drive", "couplings": "coupling", "rotors": "rotor"}
+"""Tables of a description whose elements may act along a joint, and their words."""
 
 
 class ObservedState(StateView):
@@ -67,40 +73,97 @@ def observed(
     layout: Layout,
     events: Iterable[Any] | None,
     locked: Iterable[Any] = (),
+    parted: Iterable[Any] = (),
 ) -> tuple[Observed | None, CompiledModel]:
     """Events as given by the user, for this model; None where there are none. Also the model with the drives by which
     they act, and those of the joints that are `locked` at the start."""
     found = listed(events)
-    acting = _Actions(mechanism)
-    at_start = [name for joint in _joints(locked) for name in acting.locked("locked", joint, None)]
-    if not found and not at_start:
+    apart = [_named(mechanism, "parted", joint).name for joint in _joints("parted", parted)]
+    acting = _Actions(mechanism, parting(mechanism, found, locked, parted))
+    at_start = [name for joint in _joints("locked", locked) for name in acting.locked("locked", joint, None)]
+    if not found and not at_start and not apart:
         return None, model
-    maker = _Maker(mechanism, model, layout)
+    maker = _Maker(mechanism, model, layout, bool(acting.parting))
     watched = written(found, maker.formula, maker.functions)
     actions = [acting.actions(event, maker) for event in found]
-    if not acting.drives:
+    if not acting.drives and not acting.parting:
         return watched, model
     if watched is None:
         watched = Observed((), None, "[]", [])
-    acts = {"switched": list(acting.drives), "locked": at_start, "actions": actions}
+    acts = {"switched": list(acting.drives), "locked": at_start, "parted": apart, "actions": actions}
     watched = replace(watched, acts=json.dumps(acts))
-    return watched, model._with_more_drives(list(acting.drives.values()))
+    return watched, model._with_more_drives(list(acting.drives.values())) if acting.drives else model
 
 
-def _joints(locked: Any) -> list[Any]:
-    if isinstance(locked, str | Joint):
-        return [locked]
-    if not is_list(locked):
-        raise ArgumentError(f"locked must be a list of joints, not {shown(locked)}", argument="locked")
-    return list(locked)
+def parting(
+    mechanism: Modelled, events: Iterable[Any] | None, locked: Iterable[Any] = (), parted: Iterable[Any] = ()
+) -> dict[str, str]:
+    """Joints that are `parted` at the start or that events part: those that are released and that nothing locks. Each
+    with who asks for it, in words.
+
+    Raises a `DescriptionError` where something acts along a coordinate of one of them.
+    """
+    found = listed(events)
+    holds = {_named(mechanism, "locked", joint).name for joint in _joints("locked", locked)}
+    asked: dict[str, Element] = {}
+    for joint in _joints("parted", parted):
+        record = _named(mechanism, "parted", joint)
+        if record.name in holds:
+            raise ArgumentError(f"the joint {record.name!r} is both locked and parted; give one", argument="parted")
+        asked[record.name] = Element("argument", "parted")
+    done = [(event, action) for event in found for action in event.then]
+    holds |= {_named(mechanism, event.name, x.joint).name for event, x in done if isinstance(x, Lock)}
+    for event, action in done:
+        if isinstance(action, Release) and (name := _named(mechanism, event.name, action.joint).name) not in holds:
+            asked.setdefault(name, Element("event", event.name))
+    for name, element in asked.items():
+        _can_part(mechanism, element, name)
+    return {name: f'{element.kind} "{element.name}"' for name, element in asked.items()}
+
+
+def _can_part(mechanism: Modelled, element: Element, joint: str) -> None:
+    """Refuse to part a joint that constrains nothing, or along whose coordinates something acts."""
+    if len(motions(mechanism._description.joints[joint])) == _FREE:
+        element.fail(f'it parts the joint "{joint}", which constrains nothing')
+    data = json.loads(compile(mechanism).description)
+    acting = [
+        f'{word} "{item["name"]}"'
+        for table, word in _ACTING.items()
+        for item in data.get(table, ())
+        if joint in (item.get("joint"), *_measured(item.get("measure")), *_measured(item.get("terms")))
+    ]
+    if acting:
+        element.fail(
+            f'it parts the joint "{joint}", but {", ".join(acting)} would go on acting along it; let these act between '
+            "points of its bodies instead, or, if a lock is to end, lock the joint before (pt.Lock, locked=)"
+        )
+
+
+def _measured(data: Any) -> list[str]:
+    """The joints of a measure, or of a list of measures."""
+    found = data if isinstance(data, list) else [data]
+    return [item["joint"] for item in found if isinstance(item, Mapping) and "joint" in item]
+
+
+def _named(mechanism: Modelled, asker: str, joint: Any) -> JointRecord:
+    return joint_record(mechanism, Element("event", asker), joint)
+
+
+def _joints(argument: str, given: Any) -> list[Any]:
+    if isinstance(given, str | Joint):
+        return [given]
+    if not is_list(given):
+        raise ArgumentError(f"{argument} must be a list of joints, not {shown(given)}", argument=argument)
+    return list(given)
 
 
 class _Actions:
     """Drives by which events act: what they hold."""
 
-    def __init__(self, mechanism: Modelled) -> None:
+    def __init__(self, mechanism: Modelled, parting: Mapping[str, str]) -> None:
         self._mechanism = mechanism
         self.drives: dict[str, dict[str, Any]] = {}
+        self.parting = parting
 
     def actions(self, event: Event, maker: _Maker) -> list[dict[str, Any]]:
         """What an event does, as plain data."""
@@ -109,6 +172,10 @@ class _Actions:
             if isinstance(action, Lock):
                 found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
             elif isinstance(action, Release):
+                name = _named(self._mechanism, event.name, action.joint).name
+                if name in self.parting:
+                    found.append({"part": name})
+                    continue
                 found += [{"release": name} for name in self.locked(event.name, action.joint, None)]
             elif isinstance(action, SetRates):
                 found.append({"rates": [self._rate(event, joint, x) for joint, x in action.rates.items()]})
@@ -132,6 +199,7 @@ class _Actions:
 
     def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
         measured = measure(self._mechanism, Element("event", event.name), joint)
+        self._holds("sets a rate of", event, measured)
         of_joint = measured["of"] == "joint"
         name = f"rate of {measured['joint']}.{measured['coordinate']}" if of_joint else f"rate of {measured['of']}"
         while name in self.drives and self.drives[name]["measure"] != measured:
@@ -145,8 +213,18 @@ class _Actions:
                 "a stop bounds a joint, pt.Distance, pt.Along or pt.Cosine, or a sensor of the position of one; "
                 "not a rate, an expression or a function"
             )
+        self._holds("stops", event, followed)
         name = self._drive(f"stop {event.name}", followed, "position", float(event.value))
         return {"drive": name, "sign": -float(event.direction), "restitution": float(action.restitution)}
+
+    def _holds(self, does: str, event: Event, measured: Mapping[str, Any]) -> None:
+        """Refuse to act along a joint that is parted in this run."""
+        joint = measured.get("joint")
+        if joint in self.parting:
+            Element("event", event.name).fail(
+                f'it {does} the joint "{joint}", which {self.parting[joint]} parts; use pt.Distance or pt.Along between '
+                "points of the bodies instead"
+            )
 
     def _drive(self, name: str, measured: Mapping[str, Any], level: str, value: float) -> str:
         taken = self._mechanism._description.drives
@@ -159,8 +237,8 @@ class _Actions:
 class _Maker:
     """Turns what events follow into formulas of the core."""
 
-    def __init__(self, mechanism: Modelled, model: CompiledModel, layout: Layout) -> None:
-        self._mechanism, self._sensors = mechanism, model.sensors
+    def __init__(self, mechanism: Modelled, model: CompiledModel, layout: Layout, parts: bool) -> None:
+        self._mechanism, self._sensors, self._parts = mechanism, model.sensors, parts
         self._layout, self._all = layout.reading(model.core, model.summary), Sensors(model)
         self.functions: list[Function] = []
 
@@ -173,6 +251,11 @@ class _Maker:
             if event.reads != RATES[0]:
                 element.fail("a sensor reads what it reads; give reads for joints and measures")
             tree = known_expression(self._mechanism, element, of)
+            if self._parts and not all(at_once(self._sensors[name], self._sensors) for name in _sensors_in(tree)):
+                element.fail(
+                    "it follows a sensor of accelerations or forces in a run that parts a joint; these cannot be known "
+                    "while the run computes: follow positions or velocities"
+                )
             return self._expression(tree) or self._call(event.name, lambda state: self._value(tree, state))
         if isinstance(of, str | Joint | Coordinate | Distance | Along | Cosine):
             return {event.reads: measure(self._mechanism, element, of)}
@@ -239,3 +322,10 @@ class _Maker:
         joint = self._mechanism._description.joints[data["joint"]]
         count = scalars(joint)
         return count == 1 or (count > 1 and data.get("coordinate") is not None)
+
+
+def _sensors_in(tree: Any) -> list[str]:
+    """Names of the sensors in an expression."""
+    if isinstance(tree, str):
+        return [tree]
+    return [name for part in tree[1:] for name in _sensors_in(part)] if isinstance(tree, list) else []

@@ -21,9 +21,9 @@ from ..solver import Solver
 from ..state import Layout, State
 from ..units import Quantity
 from .branches import on_branch
-from .events import observed
+from .events import observed, parting
 from .goals import Goal, asked, goals_of, inputs_of, named, state_units, units_of
-from .models import Modelled, compile, layout_of
+from .models import Modelled, compile, layout_of, layout_that_parts
 
 
 def assemble(
@@ -353,6 +353,21 @@ def start_of(
     return start
 
 
+def _start_apart(
+    self: Modelled,
+    initial: Any,
+    usual: tuple[CompiledModel, str],
+    model_and_layout: tuple[CompiledModel, Layout],
+    parameters: Mapping[str, ArrayLike] | None,
+) -> State:
+    """As `start_of`, for a model that parts joints; `usual` is the model of the mechanism, and its coordinates."""
+    model, layout = model_and_layout
+    if isinstance(initial, State) and initial.is_of(model.summary) and _as_large(initial, model):
+        return State(initial.t, initial.q, initial.v, layout=layout)
+    start = start_of(self, initial, usual[0], usual[1], parameters)
+    return State(start.t, *model.core.transferred(usual[0].core, start.q, start.v), layout=layout)
+
+
 def simulate(
     self: Modelled,
     duration: Quantity,
@@ -375,6 +390,7 @@ def simulate(
     parameters: Mapping[str, ArrayLike] | None = None,
     events: Iterable[Any] | None = None,
     locked: Iterable[Any] = (),
+    parted: Iterable[Any] = (),
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -420,6 +436,7 @@ def simulate(
             do (`then=`) divides the run into segments.
         locked: joints that are held from the start on, until an event releases them; their rates at the start are
             lost in an impulse.
+        parted: joints that are apart from the start on, as after a `pt.Release` of a run whose state is `initial`.
 
     Returns:
         The result, also of a run that stopped early: check `success` and `message`.
@@ -442,7 +459,17 @@ def simulate(
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     model, layout = layout_of(self, wanted, parameters)
-    start = start_of(self, initial, model, wanted, parameters)
+    remarks: list[str] = []
+    apart = parting(self, events, locked, parted)
+    if apart:
+        usual = model
+        model, layout = layout_that_parts(self, wanted, parameters, list(apart))
+        start = _start_apart(self, initial, (usual, wanted), (model, layout), parameters)
+        if model.names != usual.names:
+            names = ", ".join(f'"{name}" ({who})' for name, who in apart.items())
+            remarks = [f"joints that may part are constraints, not coordinates: {names}"]
+    else:
+        start = start_of(self, initial, model, wanted, parameters)
     chosen = run_options.options(
         start.t,
         duration,
@@ -460,7 +487,7 @@ def simulate(
         compiled=compiled,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    watched, model = observed(self, model, layout, events, locked)
+    watched, model = observed(self, model, layout, events, locked, parted)
     followed = None if watched is None else watched.core
     if watched is None or watched.acts is None:
         raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver, followed)
@@ -468,7 +495,7 @@ def simulate(
         raw = run_options.run_segments(
             model.core, chosen, times, (start.q, start.v), progress, solver, watched.core, watched.acts
         )
-    if notes := (*self._remarks(), *model._sentences):
+    if notes := (*self._remarks(), *model._sentences, *remarks):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
     found = Result.from_run(
         raw,

@@ -1,7 +1,7 @@
 //! Runs made of segments: between two of them velocities jump, or other rows act. Each segment is a run of its own of the
 //! mechanism with the rows that act in it; all have the coordinates of the whole mechanism.
 
-use super::impact::{Impact, OneSided, Rates, Reached};
+use super::impact::{Acting, Impact, OneSided, Rates, Reached};
 use super::{Request, Run};
 use crate::determined::determined;
 use crate::error::AnalysisError;
@@ -31,6 +31,8 @@ pub enum Action {
     Lock(String),
     /// It does not hold any more.
     Release(String),
+    /// The constraints of this joint act no longer.
+    Part(String),
     /// What these drives prescribe gets these rates.
     Rates(Vec<(String, f64)>),
     /// What is followed may not pass the value, that of this drive.
@@ -52,6 +54,8 @@ pub struct Plan {
     pub switched: Vec<String>,
     /// Those among them that hold at the start.
     pub locked: Vec<String>,
+    /// Joints that are apart at the start.
+    pub parted: Vec<String>,
     /// Events, and what each does.
     pub events: Vec<Event>,
     /// See `events`.
@@ -75,7 +79,7 @@ pub enum Kind {
     Accumulation,
     /// Something is held.
     Lock,
-    /// It is no longer held.
+    /// It is no longer held, or the joint is apart.
     Release,
     /// Rates were set.
     Rates,
@@ -148,6 +152,8 @@ fn of_joints(
 
 /// A part of a run.
 pub struct Segment {
+    /// The mechanism with all drives that may hold, without the joints that are apart.
+    pub whole: Arc<Model>,
     /// The mechanism with the rows that act.
     pub model: Arc<Model>,
     /// The row of the whole mechanism that each of its rows is.
@@ -247,6 +253,8 @@ struct Mode {
     locked: BTreeSet<String>,
     /// Stops that press, by their numbers.
     pressing: BTreeSet<usize>,
+    /// Joints that are apart.
+    parted: BTreeSet<String>,
 }
 
 /// The whole of a run while it is made.
@@ -260,6 +268,8 @@ struct Maker<'p> {
     always: Vec<usize>,
     /// Models of modes that acted before.
     models: BTreeMap<Mode, (Arc<Model>, Vec<usize>)>,
+    /// With all drives, by the joints that are apart.
+    wholes: BTreeMap<BTreeSet<String>, Arc<Model>>,
     /// How often each event has occurred.
     count: Vec<u64>,
     happenings: Vec<Happening>,
@@ -291,11 +301,21 @@ impl<'p> Maker<'p> {
                 }
             }
         }
-        let mode = Mode { locked: plan.locked.iter().cloned().collect(), pressing: BTreeSet::new() };
-        let count = vec![0; plan.events.len()];
-        let maker =
-            Self { plan, functions, stops, rows, always, models: BTreeMap::new(), count, happenings: Vec::new() };
-        Ok((maker, mode))
+        let [locked, parted] = [&plan.locked, &plan.parted].map(|names| names.iter().cloned().collect());
+        let mode = Mode { locked, pressing: BTreeSet::new(), parted };
+        let (models, happenings, count) = (BTreeMap::new(), Vec::new(), vec![0; plan.events.len()]);
+        let wholes = BTreeMap::from([(BTreeSet::new(), plan.model.clone())]);
+        Ok((Self { plan, functions, stops, rows, always, models, wholes, count, happenings }, mode))
+    }
+
+    /// The mechanism with all drives, without the joints that are apart. Made once.
+    fn whole(&mut self, parted: &BTreeSet<String>) -> Result<Arc<Model>, AnalysisError> {
+        if let Some(found) = self.wholes.get(parted) {
+            return Ok(found.clone());
+        }
+        let made = Arc::new(self.plan.model.parted(parted)?);
+        self.wholes.insert(parted.clone(), made.clone());
+        Ok(made)
     }
 
     /// The mechanism in a mode, and the row of the whole one that each of its rows is. Made once.
@@ -303,12 +323,13 @@ impl<'p> Maker<'p> {
         if let Some(found) = self.models.get(mode) {
             return Ok(found.clone());
         }
+        let whole = self.whole(&mode.parted)?;
         let pressing: BTreeSet<&String> = mode.pressing.iter().map(|&i| &self.stops[i].drive).collect();
         let acts = |name: &str| {
             let switched = self.plan.switched.iter().any(|x| x == name);
             !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned())
         };
-        let made = Arc::new(self.plan.model.with_drives(&acts)?);
+        let made = Arc::new(whole.with_drives(&acts)?);
         let rows = self.plan.model.rows_of(&made);
         let found = (made, rows);
         self.models.insert(mode.clone(), found.clone());
@@ -324,10 +345,10 @@ impl<'p> Maker<'p> {
         now: &Output,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Segment, AnalysisError> {
-        let (model, rows) = self.model(mode)?;
+        let (whole, (model, rows)) = (self.whole(&mode.parted)?, self.model(mode)?);
         let observe = self.observe(mode, &model);
         let run = super::observed(&*model, request, None, times, (&now.q, &now.v), Some(observe), watch)?;
-        Ok(Segment { model, rows, run })
+        Ok(Segment { whole, model, rows, run })
     }
 
     /// What finds the events of a segment in a mode.
@@ -451,6 +472,11 @@ impl<'p> Maker<'p> {
                             note(x.event, x.rises, Kind::Release);
                         }
                     }
+                    Action::Part(joint) => {
+                        if next.parted.insert(joint.clone()) {
+                            note(x.event, x.rises, Kind::Release);
+                        }
+                    }
                     Action::Rates(rates) => {
                         for (name, rate) in rates {
                             let row = self.rows.get(name).copied();
@@ -466,14 +492,18 @@ impl<'p> Maker<'p> {
         let (v, vdot) = (before.v.clone(), vec![0.0; before.v.len()]);
         let state = MotionState { t, q: q.clone(), v, vdot, multipliers: Vec::new() };
         let closed = self.closed(&state)?;
-        let impact = Impact::new(&self.plan.model, t, &q, &before.v)?;
-        let mut held: Vec<(usize, f64)> = self.always.iter().map(|&row| (row, 0.0)).collect();
+        let whole = self.whole(&next.parted)?;
+        let rows = self.plan.model.rows_of(&whole);
+        let always: Vec<usize> = self.always.iter().copied().filter(|x| rows.contains(x)).collect();
+        let acting = Acting { model: &whole, rows: &rows, count: self.plan.model.size().rows, always: &always };
+        let impact = Impact::new(&acting, t, &q, &before.v)?;
+        let mut held: Vec<(usize, f64)> = always.iter().map(|&row| (row, 0.0)).collect();
         held.extend(next.locked.iter().filter_map(|name| self.rows.get(name)).map(|&row| (row, 0.0)));
         // contacts whose own force passes zero
         let own = occurred.iter().filter_map(|x| x.event.checked_sub(self.plan.events.len()));
         let opening: BTreeSet<usize> = own.filter_map(|i| mode.pressing.iter().nth(i).copied()).collect();
         let Settled { reached, pressing, accumulated } =
-            self.settled((t, &q), &impact, (&held, &set), (&closed, &opening))?;
+            self.settled((&acting, t, &q), &impact, (&held, &set), (&closed, &opening))?;
         let Reached { v, multipliers, energy } = reached;
         for &i in &closed {
             let stop = &self.stops[i];
@@ -496,7 +526,8 @@ impl<'p> Maker<'p> {
         };
         let energy = -lost;
         let dv: Vec<f64> = v.iter().zip(&before.v).map(|(after, before)| after - before).collect();
-        let joints = if jumps { of_joints(&self.plan.model, (t, &q), &dv, &impulses)? } else { Vec::new() };
+        let along: Vec<f64> = if jumps { rows.iter().map(|&row| impulses[row]).collect() } else { Vec::new() };
+        let joints = if jumps { of_joints(&whole, (t, &q), &dv, &along)? } else { Vec::new() };
         for (event, rises, kind) in done {
             let own = matches!(kind, Kind::Impact | Kind::Lock | Kind::Rates);
             let impulses = if own { impulses.clone() } else { Vec::new() };
@@ -526,7 +557,7 @@ impl<'p> Maker<'p> {
     /// those of this instant alone, `opening` the closed stops whose force has just passed zero.
     fn settled(
         &self,
-        (t, q): (f64, &[f64]),
+        (acting, t, q): (&Acting, f64, &[f64]),
         impact: &Impact,
         (held, set): (&Rates, &Rates),
         (closed, opening): (&[usize], &BTreeSet<usize>),
@@ -537,7 +568,7 @@ impl<'p> Maker<'p> {
         let mut accumulated = None;
         loop {
             let reached = impact.velocities(held, set, &sides)?;
-            let after = Impact::new(&self.plan.model, t, q, &reached.v)?;
+            let after = Impact::new(acting, t, q, &reached.v)?;
             for (stays, side) in stays.iter_mut().zip(&sides) {
                 *stays |= after.rate(*side) <= tolerance::EQUAL * after.fastest(*side);
             }
