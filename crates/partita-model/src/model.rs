@@ -74,9 +74,9 @@ pub struct Model {
 }
 
 mod actuated;
-mod parting;
 mod geometry;
 mod notes;
+mod parting;
 mod scales;
 mod scratch;
 mod system;

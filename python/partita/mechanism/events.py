@@ -14,26 +14,20 @@ from ..builder.checks import Element
 from ..builder.compiled import CompiledModel
 from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
-from ..builder.records import Joint, JointRecord
+from ..builder.records import Joint
 from ..builder.sensors import Reading, Sensor, known_expression
-from ..errors import ArgumentError
 from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetRates, Stop, called, listed
 from ..events import observed as written
 from ..naming import index_of
-from ..numeric import is_list, shown
+from ..numeric import shown
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
 from ..state import Layout, StateView
-from .models import Modelled, compile
+from .models import Modelled
+from .parting import joints_of, named_joint, parted_at_start, parting
 
 Array = NDArray[np.float64]
-
-
-_FREE = 6
-"""Directions in which a joint moves that constrains nothing."""
-_ACTING = {"forces": "load", "drives": "drive", "couplings": "coupling", "rotors": "rotor"}
-"""Tables of a description whose elements may act along a joint, and their words."""
 
 
 class ObservedState(StateView):
@@ -78,9 +72,9 @@ def observed(
     """Events as given by the user, for this model; None where there are none. Also the model with the drives by which
     they act, and those of the joints that are `locked` at the start."""
     found = listed(events)
-    apart = [_named(mechanism, "parted", joint).name for joint in _joints("parted", parted)]
+    apart = parted_at_start(mechanism, parted)
     acting = _Actions(mechanism, parting(mechanism, found, locked, parted))
-    at_start = [name for joint in _joints("locked", locked) for name in acting.locked("locked", joint, None)]
+    at_start = [name for joint in joints_of("locked", locked) for name in acting.locked("locked", joint, None)]
     if not found and not at_start and not apart:
         return None, model
     maker = _Maker(mechanism, model, layout, bool(acting.parting))
@@ -93,68 +87,6 @@ def observed(
     acts = {"switched": list(acting.drives), "locked": at_start, "parted": apart, "actions": actions}
     watched = replace(watched, acts=json.dumps(acts))
     return watched, model._with_more_drives(list(acting.drives.values())) if acting.drives else model
-
-
-def parting(
-    mechanism: Modelled, events: Iterable[Any] | None, locked: Iterable[Any] = (), parted: Iterable[Any] = ()
-) -> dict[str, str]:
-    """Joints that are `parted` at the start or that events part: those that are released and that nothing locks. Each
-    with who asks for it, in words.
-
-    Raises a `DescriptionError` where something acts along a coordinate of one of them.
-    """
-    found = listed(events)
-    holds = {_named(mechanism, "locked", joint).name for joint in _joints("locked", locked)}
-    asked: dict[str, Element] = {}
-    for joint in _joints("parted", parted):
-        record = _named(mechanism, "parted", joint)
-        if record.name in holds:
-            raise ArgumentError(f"the joint {record.name!r} is both locked and parted; give one", argument="parted")
-        asked[record.name] = Element("argument", "parted")
-    done = [(event, action) for event in found for action in event.then]
-    holds |= {_named(mechanism, event.name, x.joint).name for event, x in done if isinstance(x, Lock)}
-    for event, action in done:
-        if isinstance(action, Release) and (name := _named(mechanism, event.name, action.joint).name) not in holds:
-            asked.setdefault(name, Element("event", event.name))
-    for name, element in asked.items():
-        _can_part(mechanism, element, name)
-    return {name: f'{element.kind} "{element.name}"' for name, element in asked.items()}
-
-
-def _can_part(mechanism: Modelled, element: Element, joint: str) -> None:
-    """Refuse to part a joint that constrains nothing, or along whose coordinates something acts."""
-    if len(motions(mechanism._description.joints[joint])) == _FREE:
-        element.fail(f'it parts the joint "{joint}", which constrains nothing')
-    data = json.loads(compile(mechanism).description)
-    acting = [
-        f'{word} "{item["name"]}"'
-        for table, word in _ACTING.items()
-        for item in data.get(table, ())
-        if joint in (item.get("joint"), *_measured(item.get("measure")), *_measured(item.get("terms")))
-    ]
-    if acting:
-        element.fail(
-            f'it parts the joint "{joint}", but {", ".join(acting)} would go on acting along it; let these act between '
-            "points of its bodies instead, or, if a lock is to end, lock the joint before (pt.Lock, locked=)"
-        )
-
-
-def _measured(data: Any) -> list[str]:
-    """The joints of a measure, or of a list of measures."""
-    found = data if isinstance(data, list) else [data]
-    return [item["joint"] for item in found if isinstance(item, Mapping) and "joint" in item]
-
-
-def _named(mechanism: Modelled, asker: str, joint: Any) -> JointRecord:
-    return joint_record(mechanism, Element("event", asker), joint)
-
-
-def _joints(argument: str, given: Any) -> list[Any]:
-    if isinstance(given, str | Joint):
-        return [given]
-    if not is_list(given):
-        raise ArgumentError(f"{argument} must be a list of joints, not {shown(given)}", argument=argument)
-    return list(given)
 
 
 class _Actions:
@@ -172,7 +104,7 @@ class _Actions:
             if isinstance(action, Lock):
                 found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
             elif isinstance(action, Release):
-                name = _named(self._mechanism, event.name, action.joint).name
+                name = named_joint(self._mechanism, event.name, action.joint).name
                 if name in self.parting:
                     found.append({"part": name})
                     continue
@@ -199,7 +131,7 @@ class _Actions:
 
     def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
         measured = measure(self._mechanism, Element("event", event.name), joint)
-        self._holds("sets a rate of", event, measured)
+        self._refuse_parted("sets a rate of", event, measured)
         of_joint = measured["of"] == "joint"
         name = f"rate of {measured['joint']}.{measured['coordinate']}" if of_joint else f"rate of {measured['of']}"
         while name in self.drives and self.drives[name]["measure"] != measured:
@@ -213,17 +145,17 @@ class _Actions:
                 "a stop bounds a joint, pt.Distance, pt.Along or pt.Cosine, or a sensor of the position of one; "
                 "not a rate, an expression or a function"
             )
-        self._holds("stops", event, followed)
+        self._refuse_parted("stops", event, followed)
         name = self._drive(f"stop {event.name}", followed, "position", float(event.value))
         return {"drive": name, "sign": -float(event.direction), "restitution": float(action.restitution)}
 
-    def _holds(self, does: str, event: Event, measured: Mapping[str, Any]) -> None:
+    def _refuse_parted(self, does: str, event: Event, measured: Mapping[str, Any]) -> None:
         """Refuse to act along a joint that is parted in this run."""
-        joint = measured.get("joint")
+        joint = str(measured.get("joint"))
         if joint in self.parting:
             Element("event", event.name).fail(
-                f'it {does} the joint "{joint}", which {self.parting[joint]} parts; use pt.Distance or pt.Along between '
-                "points of the bodies instead"
+                f'it {does} the joint "{joint}", which {self.parting[joint]} parts; use pt.Distance or pt.Along '
+                "between points of the bodies instead"
             )
 
     def _drive(self, name: str, measured: Mapping[str, Any], level: str, value: float) -> str:

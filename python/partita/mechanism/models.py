@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -82,20 +82,14 @@ def layout_of(
     """The compiled model, with these of its parameters changed, and the layout of its states."""
     model = compile(mechanism, coordinates)
     layout = mechanism._compiled[coordinates][2]
-    return _changed(model, layout, parameters)
+    return changed(model, layout, parameters)
 
 
-def _changed(
+def changed(
     model: CompiledModel, layout: Layout, parameters: Mapping[str, ArrayLike] | None
 ) -> tuple[CompiledModel, Layout]:
+    """The model with these of its parameters changed, and the layout of its states."""
     if parameters is None:
         return model, layout
     model = model.with_parameters(parameters)
     return model, model._laid_out(layout)
-
-
-def layout_that_parts(
-    mechanism: Modelled, coordinates: str, parameters: Mapping[str, ArrayLike] | None, joints: Sequence[str]
-) -> tuple[CompiledModel, Layout]:
-    """As `layout_of`, of the mechanism from which events of a run can part these joints: they are not in its tree."""
-    return _changed(*compile_description(mechanism._description.copy(), coordinates, joints), parameters)

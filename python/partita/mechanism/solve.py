@@ -21,9 +21,10 @@ from ..solver import Solver
 from ..state import Layout, State
 from ..units import Quantity
 from .branches import on_branch
-from .events import observed, parting
+from .events import observed
 from .goals import Goal, asked, goals_of, inputs_of, named, state_units, units_of
-from .models import Modelled, compile, layout_of, layout_that_parts
+from .models import Modelled, compile, layout_of
+from .parting import layout_that_parts, moved, of_parting_run, parted_at_start, parting
 
 
 def assemble(
@@ -242,6 +243,8 @@ def _converted(self: Modelled, state: State, coordinates: str, parameters: Mappi
         if state.is_of(source.summary):
             q, v = model.core.transferred(source.core, state.q, state.v)
             return State(state.t, q, v, layout=layout)
+    if (found := of_parting_run(self, state, model, parameters)) is not None:
+        return State(found.t, found.q, found.v, layout=layout)
     raise ArgumentError(
         f"the state has the coordinates {', '.join(state.names) or state.q.size}, which belong to no model of "
         f"{self.name!r}; make it with assemble",
@@ -346,26 +349,11 @@ def start_of(
     if (
         isinstance(start, State)
         and not start.is_of(model.summary)
-        and any(start.is_of(compile(self, other).summary) for other in run_options.COORDINATES)
+        and (start._layout.parting or any(start.is_of(compile(self, c).summary) for c in run_options.COORDINATES))
     ):
         start = _converted(self, start, coordinates, parameters)
     _fitting("initial", start, model)
     return start
-
-
-def _start_apart(
-    self: Modelled,
-    initial: Any,
-    usual: tuple[CompiledModel, str],
-    model_and_layout: tuple[CompiledModel, Layout],
-    parameters: Mapping[str, ArrayLike] | None,
-) -> State:
-    """As `start_of`, for a model that parts joints; `usual` is the model of the mechanism, and its coordinates."""
-    model, layout = model_and_layout
-    if isinstance(initial, State) and initial.is_of(model.summary) and _as_large(initial, model):
-        return State(initial.t, initial.q, initial.v, layout=layout)
-    start = start_of(self, initial, usual[0], usual[1], parameters)
-    return State(start.t, *model.core.transferred(usual[0].core, start.q, start.v), layout=layout)
 
 
 def simulate(
@@ -462,12 +450,13 @@ def simulate(
     remarks: list[str] = []
     apart = parting(self, events, locked, parted)
     if apart:
-        usual = model
-        model, layout = layout_that_parts(self, wanted, parameters, list(apart))
-        start = _start_apart(self, initial, (usual, wanted), (model, layout), parameters)
+        usual, (model, layout) = model, layout_that_parts(self, wanted, parameters, list(apart))
+        found = of_parting_run(self, initial, model, parameters, parted_at_start(self, parted))
+        start = found or moved(start_of(self, initial, usual, wanted, parameters), usual, model)
         if model.names != usual.names:
-            names = ", ".join(f'"{name}" ({who})' for name, who in apart.items())
-            remarks = [f"joints that may part are constraints, not coordinates: {names}"]
+            who = ", ".join(f'"{name}" ({who})' for name, who in apart.items())
+            space = ", in space" if usual.summary["planar"] and not model.summary["planar"] else ""
+            remarks = [f"computed in coordinates{space} that do without the joints that may be parted: {who}"]
     else:
         start = start_of(self, initial, model, wanted, parameters)
     chosen = run_options.options(
@@ -497,7 +486,7 @@ def simulate(
         )
     if notes := (*self._remarks(), *model._sentences, *remarks):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
-    found = Result.from_run(
+    result = Result.from_run(
         raw,
         model=model.core,
         summary=model.summary,
@@ -507,6 +496,6 @@ def simulate(
         events=() if watched is None else watched.names,
     )
     if logger.isEnabledFor(INFO):  # what it says is computed when it is read
-        outputs, steps = len(found.t), found.counters.get("steps", 0)
-        logger.info("%s: %s after %d outputs and %d steps", self.name, found.status, outputs, steps)
-    return found
+        outputs, steps = len(result.t), result.counters.get("steps", 0)
+        logger.info("%s: %s after %d outputs and %d steps", self.name, result.status, outputs, steps)
+    return result

@@ -5,7 +5,7 @@ use super::impact::{Acting, Impact, OneSided, Rates, Reached};
 use super::{Request, Run};
 use crate::determined::determined;
 use crate::error::AnalysisError;
-use crate::outputs::{reactions, Forces, States};
+use crate::outputs::{energies, reactions, Forces, States};
 use partita_integrate::simulate::{Observe, Outcome, Status};
 use partita_math::tolerance;
 use partita_model::Model;
@@ -148,6 +148,22 @@ fn of_joints(
         (wrench, known)
     };
     Ok(known.into_iter().enumerate().map(joint).collect())
+}
+
+/// Refuse to part a joint where a body goes on spinning about an axis about which it has no inertia: by the mechanisms
+/// before and after, whose kinetic energies differ by that of the spin, which is held there.
+fn check_spins(before: &Model, after: &Model, (t, q, v): (f64, &[f64], &[f64])) -> Result<(), AnalysisError> {
+    let (times, go) = ([t], || Ok(()));
+    let states = States { t: &times, q, v };
+    let [first, last] = [before, after].map(|model| energies(model, &states, &mut go.clone()));
+    let (first, last) = (first?[0][0], last?[0][0]);
+    if (first - last).abs() > tolerance::SOLUTION_ROUNDING * first.max(last) {
+        return Err(refuse(format!(
+            "at t = {t:.6} s a body is parted that spins about an axis about which it has no inertia, so that its motion is \
+             not determined from there on; give it inertia about all axes"
+        )));
+    }
+    Ok(())
 }
 
 /// A part of a run.
@@ -495,6 +511,9 @@ impl<'p> Maker<'p> {
         let whole = self.whole(&next.parted)?;
         let rows = self.plan.model.rows_of(&whole);
         let always: Vec<usize> = self.always.iter().copied().filter(|x| rows.contains(x)).collect();
+        if next.parted != mode.parted {
+            check_spins(&*self.whole(&mode.parted)?, &whole, (t, &q, &before.v))?;
+        }
         let acting = Acting { model: &whole, rows: &rows, count: self.plan.model.size().rows, always: &always };
         let impact = Impact::new(&acting, t, &q, &before.v)?;
         let mut held: Vec<(usize, f64)> = always.iter().map(|&row| (row, 0.0)).collect();

@@ -5,7 +5,6 @@
 
 use super::{geometry, Geometry, Model};
 use crate::error::DescriptionError;
-use crate::spec::Spec;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -26,21 +25,18 @@ impl Model {
     /// # Errors
     /// Where it cannot be compiled.
     pub fn parted(&self, joints: &BTreeSet<String>) -> Result<Self, DescriptionError> {
+        if let Some(permanent) = &self.permanent {
+            // drives of events have no influence on the tree
+            let more = self.spec.drives[permanent.spec.drives.len()..].to_vec();
+            return Arc::new(permanent.parted(joints)?).with_more_drives(more);
+        }
         let mut spec = (*self.spec).clone();
         for (name, apart) in &mut spec.parting {
             *apart |= joints.contains(name);
         }
-        let mut made = self.without(spec)?;
-        if let Some(permanent) = &self.permanent {
-            let drives = permanent.spec.drives.clone();
-            made.permanent = Some(Arc::new(self.without(Spec { drives, ..(*made.spec).clone() })?));
-        }
-        Ok(made)
-    }
-
-    fn without(&self, spec: Spec) -> Result<Self, DescriptionError> {
         let mut made = Self::compiled(spec, self.functions(), (self.coordinates, self.is_planar()), true)?;
-        assert_eq!(made.initial().len(), self.initial().len(), "coordinates do not depend on what is apart");
+        let [own, before] = [&made, self].map(|model| &model.own.placed.velocity_names);
+        assert_eq!(own, before, "coordinates do not depend on what is apart");
         // of less than was drawn nothing is to be repaired: what is not decided is found by the pivots of each start
         let (found, joints) = geometry::decide(&made, made.spec.drawing_tolerance);
         made.decide(Arc::new(if joints.is_none() { found } else { Geometry::default() }));
