@@ -227,7 +227,7 @@ impl Motion {
 
     /// Number of outputs.
     fn count(&self, py: Python<'_>) -> PyResult<usize> {
-        Ok(self.t.bind(py).len()?)
+        self.t.bind(py).len()
     }
 
     /// v' or λ at the outputs, by its name.
