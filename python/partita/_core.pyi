@@ -343,6 +343,9 @@ class Model:
     def with_more_drives(self, drives: str) -> Model:
         """The same mechanism in the same coordinates with more drives (JSON)."""
 
+    def that_parts(self, joints: list[str]) -> Model:
+        """The same mechanism in the same kind of coordinates, with these joints cut, so that events can part them."""
+
     def evaluation_costs(
         self, options: list[str], steps: list[float], t: Array, q: Array, v: Array, tangent: Any = None
     ) -> list[float]:

@@ -41,7 +41,11 @@ class Lock:
 
 @dataclass(frozen=True)
 class Release:
-    """An action of an event: a joint that a `Lock` holds, or `locked=` since the start, is free again.
+    """An action of an event: a joint that is locked is free again, or a joint is parted.
+
+    If anything in the run locks the joint (a `Lock` of any event, or `locked=`), the lock ends. Otherwise the joint
+    itself ends: all of its constraints act no longer, and its bodies go on with their velocities. What is parted stays
+    parted.
 
     >>> import partita as pt
     >>> pt.Release("A")
@@ -166,15 +170,15 @@ class Event:
         for action in actions:
             if isinstance(action, Stop):
                 self._refuse("then", "decides on a stop; a stop acts from the start on: give it as then= itself")
-            self._check(action, "returned by its function")
+            self._check(action, ", returned by its function")
         return actions
 
     def _check(self, action: Any, how: str = "") -> None:
         if not isinstance(action, Action):
             self._refuse(
                 "then",
-                f"is {shown(action)}{f', {how}' * bool(how)}; give pt.Lock, pt.Release, pt.SetRates, pt.Stop, a list of these, "
-                "or a function of (t, state)",
+                f"is {shown(action)}{how}; give pt.Lock, pt.Release, pt.SetRates, pt.Stop, a list of these, or a "
+                "function of (t, state)",
             )
         if isinstance(action, Stop):
             if self.direction == 0:

@@ -34,6 +34,7 @@ class Layout:
         self.names: list[str] = []
         self.velocity_names: list[str] = []
         self.by_names_alone = True
+        self.parting: tuple[str, ...] = ()
         self.units: tuple[list[str], list[str]] = [], []
         self._spans: dict[str, tuple[Span | None, Span | None]] = {}
         self._beyond: dict[str, Span] = {}
@@ -50,6 +51,7 @@ class Layout:
         self.names, self.velocity_names = list(summary["coordinates"]), list(summary["velocities"])
         self.units = coordinate_units(summary, Names(tuple(self.names), tuple(self.velocity_names)))
         self.by_names_alone = False
+        self.parting = tuple(summary.get("parting", ()))
         first = sum(n for _, n in self._beyond.values())
         for joint in summary["joints"]:
             self._spans[joint["name"]] = _span(joint["state_q"]), _span(joint["state_v"])

@@ -34,8 +34,8 @@ def kinds(run: pt.Result) -> list[tuple[str, str]]:
 @COORDINATES
 @pytest.mark.parametrize(("rtol", "error"), [(1e-6, 1e-5), (1e-9, 1e-8), (1e-12, 1e-11)])
 def test_stick_and_slip_on_a_belt(coordinates: str, rtol: float, error: float) -> None:
-    """A mass on a moving belt, held by a spring: sticks until the spring carries what friction can, then slips through a
-    part of a harmonic oscillation. Closed forms."""
+    """A mass on a moving belt, held by a spring: sticks until the spring carries what friction can, then slips through
+    a part of a harmonic oscillation. Closed forms."""
     m = pt.Mechanism("belt", gravity=None)
     belt = m.add_body("belt", mass=1.0, inertia=(1, 1, 1))
     mass = m.add_body("mass", mass=2.0, inertia=(1, 1, 1))
@@ -107,8 +107,8 @@ def test_a_slider_crank_swings_to_rest_where_friction_holds_it(coordinates: str)
 
 @COORDINATES
 def test_a_clutch_slips_sticks_and_slips_again(coordinates: str) -> None:
-    """Two rotors; the clutch of 6 N m engages at 0.5 s, breaks away at 7.5 N m under a motor torque that grows from 3 s on.
-    Rational closed forms."""
+    """Two rotors; the clutch of 6 N m engages at 0.5 s, breaks away at 7.5 N m under a motor torque that grows from 3 s
+    on. Rational closed forms."""
     m = pt.Mechanism("clutch", gravity=None)
     one = m.add_body("one", mass=1.0, inertia=(1, 1, 0.4))
     two = m.add_body("two", mass=1.0, inertia=(1, 1, 1.1))
@@ -219,7 +219,7 @@ def test_frictions_of_several_joints_of_a_loop_hold_together() -> None:
 
 @COORDINATES
 def test_friction_of_a_driven_coordinate_turns_with_its_rate(coordinates: str) -> None:
-    """A driven slide that moves to and fro, and rests in between: the drive overcomes friction in the sense of motion."""
+    """A driven slide that moves to and fro: the drive overcomes friction in the sense of the motion."""
     m = sledge()
     m.add_drive("S", position=lambda t: np.sin(2.0 * t))
     m.add_friction("S", 3.0)
@@ -246,8 +246,8 @@ def test_friction_of_a_coordinate_that_a_drive_starts_from_rest() -> None:
 
 @COORDINATES
 def test_a_one_way_clutch_carries_while_it_is_driven_and_overruns(coordinates: str) -> None:
-    """The outer ring has the rate 2 sin 5t, the shaft a drag: engaged while the clutch has to push. Times by roots of the
-    closed form of the free motion, in 45 digits."""
+    """The outer ring has the rate 2 sin 5t, the shaft a drag: engaged while the clutch has to push. Times by roots of
+    the closed form of the free motion, in 45 digits."""
     m = pt.Mechanism("clutch", gravity=None)
     ring = m.add_body("ring", mass=1.0, inertia=(1, 1, 1))
     shaft = m.add_body("shaft", mass=1.0, inertia=(1, 1, 0.3))
@@ -331,8 +331,8 @@ def test_a_latch_is_an_element_that_is_released_by_its_name() -> None:
 
 
 def test_stops_and_friction_beside_each_other() -> None:
-    """A block with friction that bounces between two rigid ends and comes to rest: velocities by the closed form of each
-    flight."""
+    """A block with friction that bounces between two rigid ends and comes to rest: velocities by the closed form of
+    each flight."""
     m = sledge()
     m.add_friction("S", 1.0)
     m.add_stop("S", lower=-0.5, upper=0.5, restitution=0.8)
@@ -357,7 +357,7 @@ def test_stops_and_friction_beside_each_other() -> None:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_smooth_friction_comes_near_to_the_law_itself(seed: int) -> None:
-    """Random pendulums of three rods with dry friction: steep smooth laws, integrated by another program, approach it."""
+    """Random double pendulums with dry friction: steep smooth laws, integrated by another program, approach it."""
     rng = np.random.default_rng(seed)
     m = pt.Mechanism("chain", gravity=(0, -9.81, 0))
     parent, x = m.ground, np.zeros(3)
@@ -495,11 +495,12 @@ def test_two_rigid_balls_exchange_their_velocities_and_rest_on_the_floor() -> No
 def test_a_rigid_contact_is_refused_where_it_cannot_be() -> None:
     m = sledge()
     sides: tuple[Any, ...] = ("c", "sledge", (0, 0, 0), m.ground, (1, 0, 0))
-    for more, words in (
+    cases: list[tuple[dict[str, Any], str]] = [
         ({"radius1": 0.1, "normal": (1, 0, 0)}, "give a stiffness.*or a restitution"),
         ({"radius1": 0.1, "normal": (1, 0, 0), "restitution": 2.0}, "0 to 1"),
         ({"radius1": 0.1, "normal": (1, 0, 0), "restitution": 0.5, "friction": 0.2, "stick_velocity": 1}, "Painleve"),
-    ):
+    ]
+    for more, words in cases:
         with pytest.raises(DescriptionError, match=words):
             m.add_contact(*sides, **more)
     m.add_contact(*sides, radius1=0.1, normal=(-1, 0, 0), restitution=0.5)

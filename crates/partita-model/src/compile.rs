@@ -68,7 +68,7 @@ pub fn compile<G: Space>(spec: &Spec, placed: &Placed, numbers: &Numbers<G::S>) 
         entries: 0,
     };
     let mut names = Vec::new();
-    for &j in &placed.topology.cuts {
+    for j in placed.closings() {
         let closing = closing::<G>(j, placed, numbers, &origins, &tree);
         for i in 0..closing.rows() {
             let slides = closing.slide_rows();
@@ -253,5 +253,5 @@ pub(crate) fn row_count(placed: &Placed) -> usize {
             p.shape.rows()
         }
     };
-    placed.topology.cuts.iter().map(|&j| count(&placed.joints[j])).sum()
+    placed.closings().map(|j| count(&placed.joints[j])).sum()
 }

@@ -76,6 +76,7 @@ pub struct Model {
 mod actuated;
 mod geometry;
 mod notes;
+mod parting;
 mod scales;
 mod scratch;
 mod system;
@@ -90,7 +91,7 @@ use scratch::Spare;
 /// all.
 fn all_welded(spec: &Spec) -> bool {
     let mut held = vec![validate::GROUND];
-    let welds = || spec.joints.iter().filter(|j| j.kind == JointKind::Fixed);
+    let welds = || spec.joints.iter().filter(|j| j.kind == JointKind::Fixed && !spec.is_apart(j));
     let mut next = 0;
     while let Some(&body) = held.get(next) {
         next += 1;

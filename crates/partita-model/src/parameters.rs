@@ -242,7 +242,8 @@ impl Model {
     pub fn with_parameters(&self, changes: &[(&str, &[f64])]) -> Result<Self, DescriptionError> {
         if let Some(drawn) = &self.geometry().drawn {
             // a repair is repeated
-            let spec = rewritten(drawn, &changed(drawn, changes)?.0);
+            let mut spec = rewritten(drawn, &changed(drawn, changes)?.0);
+            spec.parting = self.spec.parting.clone();
             let made = Self::new(spec, self.own.callers.functions.clone(), self.coordinates())?;
             return self.of_one_structure(made);
         }

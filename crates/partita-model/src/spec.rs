@@ -13,6 +13,7 @@ pub use loads::{Bushing, Contact, Gravity, Law, Sight, Spot, Tyre, Weightless};
 pub use rotor::Rotor;
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Version of the description that this build reads.
 pub const VERSION: u32 = 1;
@@ -62,10 +63,18 @@ pub struct Spec {
     /// Quantities that functions of the state read besides coordinates: bodies, points and joints, for sensors.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sights: Vec<Sight>,
+    /// Joints that events of a run may part, and whether they are apart; no part of a description.
+    #[serde(skip)]
+    pub parting: BTreeMap<String, bool>,
 }
 
 // Compiled here once: the generic reader and writer would be compiled anew in every crate that uses them.
 impl Spec {
+    /// Whether a joint acts no longer, because an event parted it.
+    pub fn is_apart(&self, joint: &Joint) -> bool {
+        self.parting.get(&joint.name).copied().unwrap_or(false)
+    }
+
     /// Bodies and the ground that a coupling connects.
     pub fn joined_by<'x>(&'x self, coupling: &'x Coupling) -> Vec<&'x str> {
         if let Coupling::Roll { body, on, .. } = coupling {

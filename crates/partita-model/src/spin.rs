@@ -59,7 +59,7 @@ impl Attachment {
 /// The joints of each body, in their order: collected once, for any number of bodies.
 pub(crate) fn around(placed: &Placed) -> Vec<Vec<usize>> {
     let mut found = vec![Vec::new(); placed.bodies.len()];
-    for (j, p) in placed.joints.iter().enumerate() {
+    for (j, p) in placed.joints.iter().enumerate().filter(|x| !x.1.apart) {
         if p.parent > 0 {
             found[p.parent - 1].push(j);
         }

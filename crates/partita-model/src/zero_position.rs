@@ -103,6 +103,8 @@ pub struct PlacedJoint {
     pub links: Option<Vec<usize>>,
     /// Whether it is traversed from child to parent.
     pub reversed: bool,
+    /// Whether it acts no longer, because an event parted it.
+    pub apart: bool,
 }
 
 impl PlacedJoint {
@@ -205,7 +207,8 @@ fn edges(spec: &Spec, shapes: &[Shape]) -> Result<Vec<Edge>, DescriptionError> {
             parent: nodes[j.parent.as_str()],
             child: nodes[j.child.as_str()],
             class: match j.cut {
-                _ if shape.is_always_cut() => CUT,
+                // the tree must not depend on whether a joint is apart
+                _ if shape.is_always_cut() || spec.parting.contains_key(&j.name) => CUT,
                 Cut::Always => 2,
                 Cut::Never => 0,
                 Cut::Auto if loaded.contains(j.name.as_str()) => 0,
@@ -386,6 +389,7 @@ impl Placed {
                 child: edge.child,
                 links: None,
                 reversed: false,
+                apart: spec.is_apart(j),
             });
         }
         for (b, m) in spec.bodies.iter().zip(&moved[1..]) {
@@ -504,6 +508,11 @@ impl Placed {
                 self.joints[j].reversed = e.reversed;
             }
         }
+    }
+
+    /// The joints that are cut and act, by their numbers.
+    pub fn closings(&self) -> impl Iterator<Item = usize> + '_ {
+        self.topology.cuts.iter().copied().filter(|&j| !self.joints[j].apart)
     }
 
     /// Link of a node.

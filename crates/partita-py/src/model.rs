@@ -181,6 +181,13 @@ impl Model {
             Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
         })
     }
+    /// The same mechanism in the same kind of coordinates, with these joints cut, so that events of a run can part them.
+    fn that_parts(&self, py: Python<'_>, joints: Vec<String>) -> PyResult<Self> {
+        guarded(py, || {
+            let inner = self.inner.that_parts(&joints).map_err(|e| failure::description(py, &e))?;
+            Ok(Self { inner: Arc::new(inner), structure: OnceLock::new() })
+        })
+    }
     fn parameters(&self) -> Vec<(String, Vec<f64>)> {
         self.inner.parameters()
     }

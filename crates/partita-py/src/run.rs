@@ -14,6 +14,7 @@ use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::{Observe, Outcome, Status};
 use partita_integrate::step_log::StepLog;
+use partita_model::Model;
 use partita_system::event::Occurrence;
 use partita_system::options::TangentMap;
 use partita_system::positions::turns;
@@ -82,6 +83,10 @@ pub trait Reported: Send + Sync {
     /// Whether it has several.
     fn is_divided(&self) -> bool {
         false
+    }
+    /// Where joints are parted: numbers of outputs one after the other, each with the mechanism that moves there.
+    fn stages(&self) -> Vec<(usize, Arc<Model>)> {
+        Vec::new()
     }
 }
 
@@ -185,6 +190,11 @@ impl Account {
         exchanged: f64,
     ) -> Self {
         Self { run, described: OnceLock::new(), steps, work, steps_open, gaps, exchanged }
+    }
+
+    /// See [`Reported::stages`].
+    pub fn stages(&self) -> Vec<(usize, Arc<Model>)> {
+        self.run.stages()
     }
 
     /// What describes the outputs, computed when first needed.

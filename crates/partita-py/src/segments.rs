@@ -11,6 +11,7 @@ use partita_analysis::run::segments::{in_segments, Action, Decisions, Happening,
 use partita_analysis::run::{Assessed, Balance, Described, Finding, Request, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
+use partita_integrate::simulate::Observe;
 use partita_integrate::step_log::StepLog;
 use partita_model::Model;
 use partita_system::event::MotionState;
@@ -28,6 +29,8 @@ use std::sync::Arc;
 struct Written {
     switched: Vec<String>,
     locked: Vec<String>,
+    #[serde(default)]
+    parted: Vec<String>,
     actions: Vec<Vec<Action>>,
 }
 
@@ -44,6 +47,7 @@ impl Decisions for Deciding {
 
 /// A segment with what describes its outputs.
 struct Part {
+    whole: Arc<Model>,
     run: RunLog<Model>,
     rows: Vec<usize>,
     slips: Vec<Slipping>,
@@ -96,7 +100,7 @@ impl Reported for SegmentsLog {
                 let from = &found.multipliers[i * own..(i + 1) * own];
                 part.rows.iter().zip(from).for_each(|(&to, x)| row[to] = *x);
                 for x in &part.slips {
-                    let effort = x.effort(&self.whole, &part.run.log.outputs[i]);
+                    let effort = x.effort(&part.whole, &part.run.log.outputs[i]);
                     row[x.row] = effort.map_err(|e| failure::system(py, e))?;
                 }
                 one.multipliers.extend(row);
@@ -160,6 +164,17 @@ impl Reported for SegmentsLog {
     fn is_divided(&self) -> bool {
         true
     }
+    fn stages(&self) -> Vec<(usize, Arc<Model>)> {
+        let mut stages: Vec<(usize, Arc<Model>)> = Vec::new();
+        for part in &self.parts {
+            let count = part.run.log.outputs.len();
+            match stages.last_mut().filter(|last| Arc::ptr_eq(&last.1, &part.whole)) {
+                Some(last) => last.0 += count,
+                None => stages.push((count, part.whole.clone())),
+            }
+        }
+        stages
+    }
 }
 
 /// Impulses along the rows, of the joints, and the energy lost.
@@ -185,14 +200,13 @@ pub fn run<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let t_eval = entries_of(t_eval);
-    let Written { switched, locked, actions } =
+    let Written { switched, locked, parted, actions } =
         serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
     let observe = Events::new(events)?.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
-    let (names, functions) = decisions.into_iter().unzip();
-    let decisions = Box::new(Deciding(names, Callables::new(functions)));
-    let (events, most) = (observe.events, observe.most);
-    let plan = Plan { model: model.clone(), switched, locked, events, actions, most, decisions };
-    let functions = observe.functions;
+    let (names, called) = decisions.into_iter().unzip();
+    let decisions = Box::new(Deciding(names, Callables::new(called)));
+    let Observe { events, functions, most } = observe;
+    let plan = Plan { model: model.clone(), switched, locked, parted, events, actions, most, decisions };
     let go = |watch: Stopping| in_segments(&plan, functions, request, &t_eval, (q, v), watch);
     let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;
     reported_segments(py, model, found, cause)
@@ -230,8 +244,12 @@ fn reported_segments<'py>(
     };
     let d = ended.reported(py, model.size(), cause)?;
     d.set_item("happenings", happenings.iter().map(happened).collect::<Vec<_>>())?;
-    let part =
-        |Segment { model, rows, run, slips }: Segment| Part { run: RunLog::new(model, run.log, shared), rows, slips };
+    let part = |Segment { whole, model, rows, run, slips }: Segment| Part {
+        whole,
+        run: RunLog::new(model, run.log, shared),
+        rows,
+        slips,
+    };
     let log = SegmentsLog { whole: model.clone(), parts: all.into_iter().map(part).collect(), shared };
     let gaps = (gaps.position.part, gaps.velocity.part);
     d.set_item("log", Account::new(Box::new(log), (counters, work), (open, gaps), exchanged).into_pyobject(py)?)?;

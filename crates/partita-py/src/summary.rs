@@ -24,6 +24,9 @@ struct Summary<'m> {
     joints: Vec<Joint<'m>>,
     couplings: Vec<Coupling<'m>>,
     drives: Vec<&'m str>,
+    /// Joints that events may part.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    parting: Vec<&'m str>,
     /// The row of each drive.
     drive_rows: Vec<usize>,
     /// Rows of loop closures, which come first.
@@ -98,6 +101,7 @@ pub fn summary(m: &Model, mobility: Option<&Mobility>, note: Option<&str>) -> se
         joints: joints(m),
         couplings: couplings(m),
         drives: m.drives().iter().map(|d| d.name.as_str()).collect(),
+        parting: m.spec.parting.keys().map(String::as_str).collect(),
         drive_rows: m.drives().iter().map(|d| d.row).collect(),
         closing_rows: m.closing_rows,
         coordinates: &m.zero_position().coordinate_names,

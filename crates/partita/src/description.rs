@@ -42,6 +42,7 @@ impl Mechanism {
             forces: Vec::new(),
             rotors: Vec::new(),
             sights: Vec::new(),
+            parting: std::collections::BTreeMap::new(),
         };
         Self { spec }
     }

@@ -275,8 +275,8 @@ class CompiledModel(Equations):
     def _with_more_drives(
         self, drives: Sequence[Mapping[str, Any]], holding: Mapping[str, Sequence[str]]
     ) -> CompiledModel:
-        """The same mechanism in the same coordinates with more drives, as plain data; for events that hold joints, and for
-        the forces `holding` them by these drives."""
+        """The same mechanism in the same coordinates with more drives, as plain data; for events that hold joints, and
+        for the forces `holding` them by these drives."""
         core = self.core.with_more_drives(json.dumps(list(drives)))
         with uncollected():
             summary = json.loads(core.summary)
@@ -389,14 +389,19 @@ class CompiledModel(Equations):
         )
 
 
-def compile_description(description: Description, coordinates: str) -> tuple[CompiledModel, Layout]:
-    """Compile a description that will not change any more; also the layout of its states."""
+def compile_description(
+    description: Description, coordinates: str, parting: Sequence[str] = ()
+) -> tuple[CompiledModel, Layout]:
+    """Compile a description that will not change any more; also the layout of its states. Joints that events of a run
+    may part (`parting`) are cut."""
     if not description.bodies:
         Element("mechanism", description.name).fail("it has no bodies; add some with add_body or add_rod")
     layout = Layout()
     writer = Writer(description, layout)
     text = writer.text()
     core = _core.Model(text, writer.functions, coordinates)
+    if parting:
+        core = core.that_parts(list(parting))
     with uncollected():
         summary = json.loads(core.summary)
         layout.fill(summary)

@@ -78,9 +78,9 @@ def add_contact(
     Hertz's law has exponent 1.5 and stiffness 4/3 E* sqrt(R), 1/R = 1/radius1 + 1/radius2. The force acts at the plane,
     or midway in the overlap of two spheres. Friction opposes sliding there with N times the law of `add_friction`.
 
-    With a `restitution` in place of a stiffness the contact is rigid and smooth: bodies never overlap, they bounce (Newton's
-    law) and rest on each other as long as they press. A run finds the impacts; `run.events` has them with the impulses of
-    all joints. Other analyses, which look at one state, refuse it.
+    With a `restitution` in place of a stiffness the contact is rigid and smooth: bodies never overlap, they bounce
+    (Newton's law) and rest on each other as long as they press. A run finds the impacts; `run.events` has them with the
+    impulses of all joints. Other analyses, which look at one state, refuse it.
 
     Args:
         name: unique among the forces.
@@ -120,8 +120,8 @@ def add_contact(
             call.element.fail(f"restitution = {rigid:g} would return more speed than came in; give 0 to 1")
         if call["friction"] or call["static_friction"] or call["damping"]:
             call.element.fail(
-                "a rigid contact has no friction and no damping here: with friction its forces might have no values, or "
-                "several (Painleve's paradox); give a stiffness in place of the restitution"
+                "a rigid contact has no friction and no damping here: with friction its forces might have no values, "
+                "or several (Painleve's paradox); give a stiffness in place of the restitution"
             )
         return call.store()
     if stick_velocity is None and (call["friction"] or call["static_friction"]):

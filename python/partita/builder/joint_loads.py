@@ -1,8 +1,8 @@
 """Loads along a coordinate of a joint: springs, friction, end stops, gas springs.
 
-Friction and stops have two laws each. Smooth ones: friction is a steep function of the speed instead of a jump, the force
-of a stop a function of the depth; the smaller the stick velocity and the stiffer the stop, the shorter the steps of a
-run. And the laws themselves: friction that sticks, stops that are rigid; a run finds when they hold.
+Friction and stops have two laws each. Smooth ones: friction is a steep function of the speed instead of a jump, the
+force of a stop a function of the depth; the smaller the stick velocity and the stiffer the stop, the shorter the steps
+of a run. And the laws themselves: friction that sticks, stops that are rigid; a run finds when they hold.
 """
 
 from __future__ import annotations
@@ -224,8 +224,8 @@ def add_friction(
             )
         if not call["stick_velocity"]:
             call.element.fail(
-                "friction by a coefficient needs a stick_velocity: without one it would stick, and reaction and friction "
-                "together might have no values or several; or give its magnitude (dynamic)"
+                "friction by a coefficient needs a stick_velocity: without one it would stick, and reaction and "
+                "friction together might have no values or several; or give its magnitude (dynamic)"
             )
         follows = {**given, "preload": call["preload"]}
         return call.store(**call.take("joint", "coordinate", "stick_velocity"), follows=follows)

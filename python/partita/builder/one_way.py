@@ -35,9 +35,7 @@ def _senses(*allowed: int) -> Field:
     return Field(check, {"enum": list(allowed)})
 
 
-FREEWHEEL = Load(
-    "freewheel", **JOINT, free=_senses(1, -1), lost="it turns both ways", called="freewheel of"
-)
+FREEWHEEL = Load("freewheel", **JOINT, free=_senses(1, -1), lost="it turns both ways", called="freewheel of")
 LATCH = Load(
     "latch",
     **JOINT,
@@ -77,8 +75,10 @@ def add_freewheel(
     >>> _ = m.add_torque("A", -2.0)
     >>> _ = m.add_freewheel(axle)
     >>> run = m.simulate(1.0, initial=m.assemble(rates={"A": 3.0}))   # 0.4 kg m2 against 2 N m: 0.6 s
-    >>> [(event.kind, round(event.t, 9)) for event in run.events], round(float(run.force("freewheel of A").effort[-1]), 9)
-    ([('lock', 0.6)], 2.0)
+    >>> [(event.kind, round(event.t, 9)) for event in run.events]
+    [('lock', 0.6)]
+    >>> round(float(run.force("freewheel of A").effort[-1]), 9)
+    2.0
     """
     return FREEWHEEL.checked(locals()).store()
 
@@ -129,7 +129,7 @@ def add_brake(
     coordinate: int = 0,
     name: str | None = None,
 ) -> Force:
-    """Add a brake or a friction clutch: dry friction along one coordinate of a joint, which brings it to rest and holds it.
+    """Add a brake or a friction clutch: dry friction along one coordinate of a joint, which stops it and holds it.
 
     The same as `add_friction` without a stick velocity.
 

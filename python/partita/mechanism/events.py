@@ -14,19 +14,19 @@ from ..builder.checks import Element
 from ..builder.compiled import CompiledModel
 from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
-from ..builder.records import Force, Joint, LoadRecord
+from ..builder.records import Joint
 from ..builder.sensors import Reading, Sensor, known_expression
-from ..errors import ArgumentError
 from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetRates, Stop, called, listed
 from ..events import observed as written
 from ..naming import index_of
-from ..numeric import is_list, shown
+from ..numeric import shown
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
 from ..state import Layout, StateView
 from .models import Modelled
-from .set_valued import of_elements
+from .parting import joints_of, named_joint, parted_at_start, parting
+from .set_valued import latch_of, of_elements
 
 Array = NDArray[np.float64]
 Decision = Callable[[float, Array, Array], str]
@@ -34,8 +34,8 @@ Decision = Callable[[float, Array, Array], str]
 
 
 DEEPEST = 50
-"""Formulas nested deeper than this are evaluated in Python. Unit: levels. Reason: the core reads 128 levels of brackets, and
-a formula has two of them for each of its own."""
+"""Formulas nested deeper than this are evaluated in Python. Unit: levels. Reason: the core reads 128 levels of
+brackets, and a formula has two of them for each of its own."""
 
 
 def _depth(formula: Formula) -> int:
@@ -86,48 +86,43 @@ def observed(
     layout: Layout,
     events: Iterable[Any] | None,
     locked: Iterable[Any] = (),
+    parted: Iterable[Any] = (),
 ) -> tuple[Observed | None, CompiledModel]:
     """Events as given by the user, for this model; None where there are none. Also the model with the drives by which
     they act, and those of the joints that are `locked` at the start."""
     found = listed(events)
-    acting = _Actions(mechanism)
-    at_start = [name for joint in _joints(locked) for name in acting.locked("locked", joint, None)]
+    apart = parted_at_start(mechanism, parted)
+    acting = _Actions(mechanism, parting(mechanism, found, locked, parted))
+    at_start = [name for joint in joints_of("locked", locked) for name in acting.locked("locked", joint, None)]
     own = list(of_elements(mechanism._description, model, acting.hold, acting.hold_locked))
-    if not found and not at_start and not own:
+    if not found and not at_start and not apart and not own:
         return None, model
     for event in found:
         if any(event.name == one.element for one in own):
             Element("event", event.name).fail("an element of the mechanism has this name, and records under it")
-    maker = _Maker(mechanism, model, layout)
+    maker = _Maker(mechanism, model, layout, bool(acting.parting))
     watched = written([*found, *(one.event for one in own)], maker.formula, maker.functions)
     actions = [*(acting.actions(event, maker) for event in found), *([one.does] for one in own)]
-    if not acting.drives:
+    if not acting.drives and not acting.parting:
         return watched, model
     if watched is None:
         watched = Observed((), None, "[]", [])
-    acts = {"switched": list(acting.drives), "locked": at_start, "actions": actions}
+    acts = {"switched": list(acting.drives), "locked": at_start, "parted": apart, "actions": actions}
     watched = replace(watched, acts=json.dumps(acts), decisions=acting.decisions)
     holding: dict[str, list[str]] = {}
     for one in own:
         holding.setdefault(one.element, []).append(one.drive)
-    return watched, model._with_more_drives(list(acting.drives.values()), holding)
-
-
-def _joints(locked: Any) -> list[Any]:
-    if isinstance(locked, str | Joint):
-        return [locked]
-    if not is_list(locked):
-        raise ArgumentError(f"locked must be a list of joints, not {shown(locked)}", argument="locked")
-    return list(locked)
+    return watched, model._with_more_drives(list(acting.drives.values()), holding) if acting.drives else model
 
 
 class _Actions:
     """Drives by which events act: what they hold."""
 
-    def __init__(self, mechanism: Modelled) -> None:
+    def __init__(self, mechanism: Modelled, parting: Mapping[str, str]) -> None:
         self._mechanism = mechanism
         self.drives: dict[str, dict[str, Any]] = {}
         self.decisions: list[tuple[str, Decision]] = []
+        self.parting = parting
 
     def actions(self, event: Event, maker: _Maker) -> list[dict[str, Any]]:
         """What an event does, as plain data."""
@@ -154,7 +149,8 @@ class _Actions:
                 found += self._action(event, action, maker)
                 if self.drives != drives:
                     Element("event", event.name).fail(
-                        f"its function decides on {action}; it may set rates of joints alone: give then= this action itself"
+                        f"its function decides on {action}; it may set rates of joints alone: give then= this action "
+                        "itself"
                     )
             return json.dumps(found)
 
@@ -167,6 +163,10 @@ class _Actions:
         if isinstance(action, Lock):
             found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
         elif isinstance(action, Release):
+            if latch_of(self._mechanism, action.joint) is None:
+                name = named_joint(self._mechanism, event.name, action.joint).name
+                if name in self.parting:
+                    return [{"part": name}]
             found += [{"release": name} for name in self._released(event, action)]
         elif isinstance(action, SetRates):
             found.append({"rates": [self._rate(event, joint, x) for joint, x in action.rates.items()]})
@@ -190,14 +190,14 @@ class _Actions:
 
     def _released(self, event: Event, action: Release) -> list[str]:
         """The drives that a release lets go: those of a joint, or the one of a latch."""
-        given = action.joint
-        latch = self._mechanism._description.forces.get(given.name if isinstance(given, Force) else str(given))
-        if isinstance(latch, LoadRecord) and latch.kind == "latch":
+        latch = latch_of(self._mechanism, action.joint)
+        if latch is not None:
             return self.locked(event.name, latch["joint"], latch["coordinate"])
-        return self.locked(event.name, given, None)
+        return self.locked(event.name, action.joint, None)
 
     def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
         measured = measure(self._mechanism, Element("event", event.name), joint)
+        self._refuse_parted("sets a rate of", event, measured)
         return [self._held_rate(measured), float(rate)]
 
     def _held_rate(self, measured: Mapping[str, Any]) -> str:
@@ -215,8 +215,18 @@ class _Actions:
                 "a stop bounds a joint, pt.Distance, pt.Along or pt.Cosine, or a sensor of the position of one; "
                 "not a rate, an expression or a function"
             )
+        self._refuse_parted("stops", event, followed)
         name = self.hold(f"stop {event.name}", followed, "position", float(event.value))
         return {"drive": name, "sign": -float(event.direction), "restitution": float(action.restitution)}
+
+    def _refuse_parted(self, does: str, event: Event, measured: Mapping[str, Any]) -> None:
+        """Refuse to act along a joint that is parted in this run."""
+        joint = str(measured.get("joint"))
+        if joint in self.parting:
+            Element("event", event.name).fail(
+                f'it {does} the joint "{joint}", which {self.parting[joint]} parts; use pt.Distance or pt.Along '
+                "between points of the bodies instead"
+            )
 
     def hold_locked(self, name: str, measured: Mapping[str, Any], level: str, value: float) -> str:
         """Add the drive that holds a coordinate of a joint for all that lock it."""
@@ -236,8 +246,8 @@ class _Actions:
 class _Maker:
     """Turns what events follow into formulas of the core."""
 
-    def __init__(self, mechanism: Modelled, model: CompiledModel, layout: Layout) -> None:
-        self._mechanism, self._sensors = mechanism, model.sensors
+    def __init__(self, mechanism: Modelled, model: CompiledModel, layout: Layout, parts: bool) -> None:
+        self._mechanism, self._sensors, self._parts = mechanism, model.sensors, parts
         self._layout, self._all = layout.reading(model.core, model.summary), Sensors(model)
         self.functions: list[Function] = []
 
@@ -254,6 +264,11 @@ class _Maker:
             if event.reads != RATES[0]:
                 element.fail("a sensor reads what it reads; give reads for joints and measures")
             tree = known_expression(self._mechanism, element, of)
+            if self._parts and not all(at_once(self._sensors[name], self._sensors) for name in _sensors_in(tree)):
+                element.fail(
+                    "it follows a sensor of accelerations or forces in a run that parts a joint; these cannot be known "
+                    "while the run computes: follow positions or velocities"
+                )
             in_core = self._expression(tree)
             if in_core is not None and _depth(in_core) <= DEEPEST:
                 return in_core
@@ -322,3 +337,10 @@ class _Maker:
         joint = self._mechanism._description.joints[data["joint"]]
         count = scalars(joint)
         return count == 1 or (count > 1 and data.get("coordinate") is not None)
+
+
+def _sensors_in(tree: Any) -> list[str]:
+    """Names of the sensors in an expression."""
+    if isinstance(tree, str):
+        return [tree]
+    return [name for part in tree[1:] for name in _sensors_in(part)] if isinstance(tree, list) else []

@@ -82,6 +82,13 @@ def layout_of(
     """The compiled model, with these of its parameters changed, and the layout of its states."""
     model = compile(mechanism, coordinates)
     layout = mechanism._compiled[coordinates][2]
+    return changed(model, layout, parameters)
+
+
+def changed(
+    model: CompiledModel, layout: Layout, parameters: Mapping[str, ArrayLike] | None
+) -> tuple[CompiledModel, Layout]:
+    """The model with these of its parameters changed, and the layout of its states."""
     if parameters is None:
         return model, layout
     model = model.with_parameters(parameters)

@@ -1,16 +1,16 @@
-"""Elements that hold a joint at times, as events of every run: rigid stops, freewheels, latches, friction that sticks."""
+"""Elements that hold a joint at times, as events of a run: rigid stops, freewheels, latches, friction that sticks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
 from ..builder.compiled import CompiledModel
 from ..builder.measures import Along, Coordinate, Distance
-from ..builder.records import Description, LoadRecord
+from ..builder.records import Description, Force, LoadRecord
 from ..errors import DescriptionError
 from ..events import Event
 from .models import Modelled
@@ -38,7 +38,7 @@ class OfElement:
     drive: str
 
 
-def is_set_valued(record: Any) -> bool:
+def is_set_valued(record: Any) -> TypeGuard[LoadRecord]:
     """Whether a force is one by which a run holds a joint at times."""
     if not isinstance(record, LoadRecord):
         return False
@@ -51,8 +51,20 @@ def is_set_valued(record: Any) -> bool:
             return record.kind in ("freewheel", "latch")
 
 
+def is_latch(record: Any) -> TypeGuard[LoadRecord]:
+    """Whether a force is a latch."""
+    return isinstance(record, LoadRecord) and record.kind == "latch"
+
+
+def latch_of(mechanism: Modelled, given: Any) -> LoadRecord | None:
+    """The latch that is meant by its name or handle; None for anything else."""
+    record = mechanism._description.forces.get(given.name if isinstance(given, Force) else str(given))
+    return record if is_latch(record) else None
+
+
 def without_holding(mechanism: Modelled, analysis: str, state: bool = False) -> None:
-    """Refuse a mechanism with elements that hold at times: `analysis` does not follow them. Of one state a latch is open."""
+    """Refuse a mechanism with elements that hold at times, which `analysis` does not follow. Of one state a latch is
+    open."""
     for record in mechanism._description.forces.values():
         if is_set_valued(record) and not (state and record.kind == "latch"):
             raise DescriptionError(
@@ -65,7 +77,7 @@ def without_holding(mechanism: Modelled, analysis: str, state: bool = False) -> 
 def of_elements(description: Description, model: CompiledModel, hold: Hold, locked: Hold) -> Iterator[OfElement]:
     """The events of all elements; numbers are those of the model, whose parameters may have changed."""
     for record in description.forces.values():
-        if isinstance(record, LoadRecord) and is_set_valued(record):
+        if is_set_valued(record):
             yield from _of(record, model, hold, locked)
 
 

@@ -24,6 +24,7 @@ from .branches import on_branch
 from .events import observed
 from .goals import Goal, asked, goals_of, inputs_of, named, state_units, units_of
 from .models import Modelled, compile, layout_of
+from .parting import layout_that_parts, moved, of_parting_run, parted_at_start, parting
 
 
 def assemble(
@@ -242,6 +243,8 @@ def _converted(self: Modelled, state: State, coordinates: str, parameters: Mappi
         if state.is_of(source.summary):
             q, v = model.core.transferred(source.core, state.q, state.v)
             return State(state.t, q, v, layout=layout)
+    if (found := of_parting_run(self, state, model, parameters)) is not None:
+        return State(found.t, found.q, found.v, layout=layout)
     raise ArgumentError(
         f"the state has the coordinates {', '.join(state.names) or state.q.size}, which belong to no model of "
         f"{self.name!r}; make it with assemble",
@@ -346,7 +349,7 @@ def start_of(
     if (
         isinstance(start, State)
         and not start.is_of(model.summary)
-        and any(start.is_of(compile(self, other).summary) for other in run_options.COORDINATES)
+        and (start._layout.parting or any(start.is_of(compile(self, c).summary) for c in run_options.COORDINATES))
     ):
         start = _converted(self, start, coordinates, parameters)
     _fitting("initial", start, model)
@@ -375,6 +378,7 @@ def simulate(
     parameters: Mapping[str, ArrayLike] | None = None,
     events: Iterable[Any] | None = None,
     locked: Iterable[Any] = (),
+    parted: Iterable[Any] = (),
 ) -> Result:
     """Compute the motion over `duration` seconds. The loops stay closed to round-off; nothing needs tuning.
 
@@ -420,6 +424,7 @@ def simulate(
             do (`then=`) divides the run into segments.
         locked: joints that are held from the start on, until an event releases them; their rates at the start are
             lost in an impulse.
+        parted: joints that are apart from the start on, as after a `pt.Release` of a run whose state is `initial`.
 
     Returns:
         The result, also of a run that stopped early: check `success` and `message`.
@@ -442,7 +447,18 @@ def simulate(
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
     model, layout = layout_of(self, wanted, parameters)
-    start = start_of(self, initial, model, wanted, parameters)
+    remarks: list[str] = []
+    apart = parting(self, events, locked, parted)
+    if apart:
+        usual, (model, layout) = model, layout_that_parts(self, wanted, parameters, list(apart))
+        found = of_parting_run(self, initial, model, parameters, parted_at_start(self, parted))
+        start = found or moved(start_of(self, initial, usual, wanted, parameters), usual, model)
+        if model.names != usual.names:
+            who = ", ".join(f'"{name}" ({who})' for name, who in apart.items())
+            space = ", in space" if usual.summary["planar"] and not model.summary["planar"] else ""
+            remarks = [f"computed in coordinates{space} that do without the joints that may be parted: {who}"]
+    else:
+        start = start_of(self, initial, model, wanted, parameters)
     chosen = run_options.options(
         start.t,
         duration,
@@ -460,17 +476,24 @@ def simulate(
         compiled=compiled,
     )
     times = run_options.output_times(t_eval, start.t, chosen["t_end"])
-    watched, model = observed(self, model, layout, events, locked)
+    watched, model = observed(self, model, layout, events, locked, parted)
     followed = None if watched is None else watched.core
     if watched is None or watched.acts is None:
         raw = run_options.run(model.core, chosen, times, start.q, start.v, progress, solver, followed)
     else:
         raw = run_options.run_segments(
-            model.core, chosen, times, (start.q, start.v), progress, solver, watched.core, (watched.acts, watched.decisions)
+            model.core,
+            chosen,
+            times,
+            (start.q, start.v),
+            progress,
+            solver,
+            watched.core,
+            (watched.acts, watched.decisions),
         )
-    if notes := (*self._remarks(), *model._sentences):
+    if notes := (*self._remarks(), *model._sentences, *remarks):
         raw["notes"] = [*(note for note in notes if note not in raw["notes"]), *raw["notes"]]
-    found = Result.from_run(
+    result = Result.from_run(
         raw,
         model=model.core,
         summary=model.summary,
@@ -480,6 +503,6 @@ def simulate(
         events=() if watched is None else watched.names,
     )
     if logger.isEnabledFor(INFO):  # what it says is computed when it is read
-        outputs, steps = len(found.t), found.counters.get("steps", 0)
-        logger.info("%s: %s after %d outputs and %d steps", self.name, found.status, outputs, steps)
-    return found
+        outputs, steps = len(result.t), result.counters.get("steps", 0)
+        logger.info("%s: %s after %d outputs and %d steps", self.name, result.status, outputs, steps)
+    return result

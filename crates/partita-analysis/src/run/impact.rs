@@ -5,6 +5,9 @@
 //! min |v' − M⁻¹ h|_M  so that  C v' + b = 0,  N v' + b_N ≥ 0                              (Gauss)
 //! ```
 //!
+//! Bodies without inertia about an axis leave M singular, but not `M + Cᵀ W C` over rows that are always held. There C v⁺
+//! and C v' are given, so that the nearest point is the same; the multipliers are λ - W C (v⁺ - v⁻).
+//!
 //! Both are the nearest point of a polyhedron in the mass metric: velocities and accelerations are unique, however many
 //! contacts close at once and however redundant they are, and the energy never grows.
 
@@ -39,6 +42,8 @@ pub struct Impact {
     /// Rows of C L⁻ᵀ, of length 1, and the lengths that they had.
     rows: Matrix,
     lengths: Vec<f64>,
+    /// W, zero but for rows that are always held, where M alone is no metric.
+    weights: Vec<f64>,
     a: Vec<f64>,
     b: Vec<f64>,
     /// L⁻¹ h and Lᵀ v.
@@ -60,6 +65,18 @@ pub struct Reached {
 /// A point in the mass metric and the multipliers of all rows that lead there.
 type Nearest = (Vec<f64>, Vec<f64>);
 
+/// The rows of a mechanism from which joints were parted, among those of the whole one.
+pub struct Acting<'m> {
+    /// What moves.
+    pub model: &'m Model,
+    /// The row of the whole mechanism that each of its rows is.
+    pub rows: &'m [usize],
+    /// Number of rows of the whole mechanism.
+    pub count: usize,
+    /// Those, of the whole mechanism, that are always held.
+    pub always: &'m [usize],
+}
+
 /// Rows, each with a number: the rate that it is to have, or a force along it.
 pub type Rates = [(usize, f64)];
 
@@ -71,8 +88,9 @@ impl Impact {
     /// At (t, q, v).
     ///
     /// # Errors
-    /// Where the equations cannot be evaluated, or M is singular.
-    pub fn new(model: &Model, t: f64, q: &[f64], v: &[f64]) -> Result<Self, AnalysisError> {
+    /// Where the equations cannot be evaluated, or bodies without mass can move.
+    pub fn new(acting: &Acting, t: f64, q: &[f64], v: &[f64]) -> Result<Self, AnalysisError> {
+        let model = acting.model;
         let (size, structure, mut s) = (model.size(), model.structure(), model.scratch());
         let n = size.nv;
         let (mut phi, mut c) = (vec![0.0; size.holonomic], vec![0.0; structure.pattern.nnz()]);
@@ -81,25 +99,49 @@ impl Impact {
         model.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;
         model.velocity(t, q, v, &mut s, &mut b)?;
         model.dynamics(t, q, v, &mut s, &mut l, &mut h)?;
-        dense::cholesky(&mut l, n).map_err(|_| {
+        let dense_row = |i: usize| {
+            let mut row = vec![0.0; n];
+            structure.pattern.row(i).for_each(|e| row[structure.pattern.col_idx[e]] = c[e]);
+            row
+        };
+        let (mass, mut weights) = (l.clone(), vec![0.0; acting.count]);
+        let mut factored = dense::cholesky(&mut l, n);
+        if factored.is_err() {
+            l = mass;
+            let square = |j: usize| structure.velocities[j].displacement.powi(2);
+            let largest = (0..n).fold(0.0, |m: f64, j| m.max(l[j * n + j] * square(j)));
+            for (i, &to) in acting.rows.iter().enumerate().filter(|x| acting.always.contains(x.1)) {
+                let row = dense_row(i);
+                let size: f64 = (0..n).map(|j| row[j] * row[j] * square(j)).sum();
+                weights[to] = if size > 0.0 { largest / size } else { 0.0 };
+                for e in 0..n * n {
+                    l[e] += weights[to] * row[e / n] * row[e % n];
+                }
+            }
+            factored = dense::cholesky(&mut l, n);
+        }
+        factored.map_err(|_| {
             let message =
                 "velocities change abruptly here, but bodies without mass can move along: give every body a mass";
             failed(t, message.into())
         })?;
-        let mut rows = Matrix::new(size.rows, n);
-        let mut lengths = vec![0.0; size.rows];
-        for (i, length) in lengths.iter_mut().enumerate() {
-            let row = rows.row_mut(i);
-            structure.pattern.row(i).for_each(|e| row[structure.pattern.col_idx[e]] = c[e]);
+        let mut rows = Matrix::new(acting.count, n);
+        let mut names = vec![String::new(); acting.count];
+        let [mut lengths, mut all_a, mut all_b] = [const { Vec::new() }; 3];
+        [&mut lengths, &mut all_a, &mut all_b].into_iter().for_each(|x| x.resize(acting.count, 0.0));
+        for (i, &to) in acting.rows.iter().enumerate() {
+            let row = rows.row_mut(to);
+            row.copy_from_slice(&dense_row(i));
             dense::cholesky_forward(&l, n, row);
-            *length = dense::dot(row, row).sqrt();
-            if *length > 0.0 {
-                row.iter_mut().for_each(|x| *x /= *length);
+            lengths[to] = dense::dot(row, row).sqrt();
+            if lengths[to] > 0.0 {
+                row.iter_mut().for_each(|x| *x /= lengths[to]);
             }
+            (all_a[to], all_b[to], names[to]) = (a[i], b[i], structure.rows[i].name.to_string());
         }
         dense::cholesky_forward(&l, n, &mut h);
-        let names = structure.rows.iter().map(|row| row.name.to_string()).collect();
-        let mut impact = Self { nv: n, t, l, rows, lengths, a, b, h, x: Vec::new(), names };
+        let (a, b) = (all_a, all_b);
+        let mut impact = Self { nv: n, t, l, rows, lengths, weights, a, b, h, x: Vec::new(), names };
         impact.x = impact.to_metric(v);
         Ok(impact)
     }
@@ -185,6 +227,9 @@ impl Impact {
             dense::cholesky_solve(&gram, m, &mut along);
             loaded.iter().zip(&along).for_each(|(&i, x)| multipliers[i] = x / self.lengths[i]);
         }
+        for i in (0..multipliers.len()).filter(|&i| self.weights[i] > 0.0) {
+            multipliers[i] -= self.weights[i] * self.lengths[i] * dense::dot(self.rows.row(i), &moved);
+        }
         Ok((x, multipliers))
     }
 
@@ -213,10 +258,17 @@ impl Impact {
             );
             return Err(failed(self.t, message));
         }
-        let energy = 0.5 * (dense::dot(&x, &x) - dense::dot(&self.x, &self.x));
+        let energy = self.kinetic(&x) - self.kinetic(&self.x);
         let mut v = x;
         dense::cholesky_backward(&self.l, self.nv, &mut v);
         Ok(Reached { v, multipliers, energy })
+    }
+
+    /// Half the square of a velocity in the metric of M.
+    fn kinetic(&self, x: &[f64]) -> f64 {
+        let held = (0..self.weights.len()).filter(|&i| self.weights[i] > 0.0);
+        let along = |i: usize| self.lengths[i] * dense::dot(self.rows.row(i), x);
+        0.5 * (dense::dot(x, x) - held.map(|i| self.weights[i] * along(i).powi(2)).sum::<f64>())
     }
 
     /// A one-sided condition that these rows, where they are not at rest, move against.

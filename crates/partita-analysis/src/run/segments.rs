@@ -1,11 +1,11 @@
 //! Runs made of segments: between two of them velocities jump, or other rows act. Each segment is a run of its own of the
 //! mechanism with the rows that act in it; all have the coordinates of the whole mechanism.
 
-use super::impact::{Impact, OneSided, Rates, Reached};
+use super::impact::{Acting, Impact, OneSided, Rates, Reached};
 use super::{Request, Run};
 use crate::determined::determined;
 use crate::error::AnalysisError;
-use crate::outputs::{reactions, Forces, States};
+use crate::outputs::{energies, reactions, Forces, States};
 use partita_integrate::simulate::{Observe, Outcome, Status};
 use partita_math::tolerance;
 use partita_model::Model;
@@ -39,6 +39,8 @@ pub enum Action {
     Lock(String),
     /// It does not hold any more.
     Release(String),
+    /// The constraints of this joint act no longer.
+    Part(String),
     /// What these drives prescribe gets these rates.
     Rates(Vec<(String, f64)>),
     /// What is followed may not pass the value, that of this drive.
@@ -85,6 +87,8 @@ pub struct Plan {
     pub switched: Vec<String>,
     /// Those among them that hold at the start.
     pub locked: Vec<String>,
+    /// Joints that are apart at the start.
+    pub parted: Vec<String>,
     /// Events, and what each does.
     pub events: Vec<Event>,
     /// See `events`.
@@ -110,7 +114,7 @@ pub enum Kind {
     Accumulation,
     /// Something is held.
     Lock,
-    /// It is no longer held.
+    /// It is no longer held, or the joint is apart.
     Release,
     /// Rates were set.
     Rates,
@@ -187,8 +191,26 @@ fn of_joints(
     Ok(known.into_iter().enumerate().map(joint).collect())
 }
 
+/// Refuse to part a joint where a body goes on spinning about an axis about which it has no inertia: by the mechanisms
+/// before and after, whose kinetic energies differ by that of the spin, which is held there.
+fn check_spins(before: &Model, after: &Model, (t, q, v): (f64, &[f64], &[f64])) -> Result<(), AnalysisError> {
+    let (times, go) = ([t], || Ok(()));
+    let states = States { t: &times, q, v };
+    let [first, last] = [before, after].map(|model| energies(model, &states, &mut go.clone()));
+    let (first, last) = (first?[0][0], last?[0][0]);
+    if (first - last).abs() > tolerance::SOLUTION_ROUNDING * first.max(last) {
+        return Err(refuse(format!(
+            "at t = {t:.6} s a body is parted that spins about an axis about which it has no inertia, so that its motion is \
+             not determined from there on; give it inertia about all axes"
+        )));
+    }
+    Ok(())
+}
+
 /// A part of a run.
 pub struct Segment {
+    /// The mechanism with all drives that may hold, without the joints that are apart.
+    pub whole: Arc<Model>,
     /// The mechanism with the rows that act.
     pub model: Arc<Model>,
     /// The row of the whole mechanism that each of its rows is.
@@ -397,6 +419,8 @@ struct Mode {
     pressing: BTreeSet<usize>,
     /// How the frictions act.
     frictions: Vec<StickSlip>,
+    /// Joints that are apart.
+    parted: BTreeSet<String>,
 }
 
 /// What a mode follows beside the events.
@@ -420,6 +444,8 @@ struct Maker<'p> {
     always: Vec<usize>,
     /// Models of modes that acted before.
     models: BTreeMap<Mode, (Arc<Model>, Vec<usize>)>,
+    /// With all drives, by the joints that are apart.
+    wholes: BTreeMap<BTreeSet<String>, Arc<Model>>,
     /// How often each event has occurred.
     count: Vec<u64>,
     happenings: Vec<Happening>,
@@ -461,18 +487,26 @@ impl<'p> Maker<'p> {
                         let (drive, row, size) = (drive.clone(), known(drive)?, size(drive));
                         frictions.push(FrictionOf { event, drive, row, force: number, name: force.clone(), size });
                     }
-                    Action::Lock(_) | Action::Release(_) | Action::Rates(_) | Action::Decide(_) => {}
+                    Action::Lock(_) | Action::Release(_) | Action::Part(_) | Action::Rates(_) | Action::Decide(_) => {}
                 }
             }
         }
-        let mode = Mode {
-            locked: plan.locked.iter().cloned().collect(),
-            pressing: BTreeSet::new(),
-            frictions: vec![StickSlip::Rests(0); frictions.len()],
-        };
-        let count = vec![0; plan.events.len()];
-        let (models, happenings) = (BTreeMap::new(), Vec::new());
-        Ok((Self { plan, functions, stops, frictions, rows, always, models, count, happenings }, mode))
+        let [locked, parted] = [&plan.locked, &plan.parted].map(|names| names.iter().cloned().collect());
+        let resting = vec![StickSlip::Rests(0); frictions.len()];
+        let mode = Mode { locked, pressing: BTreeSet::new(), frictions: resting, parted };
+        let (models, happenings, count) = (BTreeMap::new(), Vec::new(), vec![0; plan.events.len()]);
+        let wholes = BTreeMap::from([(BTreeSet::new(), plan.model.clone())]);
+        Ok((Self { plan, functions, stops, frictions, rows, always, models, wholes, count, happenings }, mode))
+    }
+
+    /// The mechanism with all drives, without the joints that are apart. Made once.
+    fn whole(&mut self, parted: &BTreeSet<String>) -> Result<Arc<Model>, AnalysisError> {
+        if let Some(found) = self.wholes.get(parted) {
+            return Ok(found.clone());
+        }
+        let made = Arc::new(self.plan.model.parted(parted)?);
+        self.wholes.insert(parted.clone(), made.clone());
+        Ok(made)
     }
 
     /// The mechanism in a mode, and the row of the whole one that each of its rows is. Made once.
@@ -480,6 +514,7 @@ impl<'p> Maker<'p> {
         if let Some(found) = self.models.get(mode) {
             return Ok(found.clone());
         }
+        let whole = self.whole(&mode.parted)?;
         let pressing: BTreeSet<&String> = mode.pressing.iter().map(|&i| &self.stops[i].drive).collect();
         let rubbing = || self.frictions.iter().zip(&mode.frictions);
         let sticks = |name: &str| rubbing().any(|(x, acts)| *acts == StickSlip::Sticks && x.drive == name);
@@ -488,7 +523,7 @@ impl<'p> Maker<'p> {
             !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned()) || sticks(name)
         };
         let slips = |name: &str| rubbing().find(|x| x.0.name == name).map_or(0.0, |x| f64::from(x.1.sign()));
-        let made = Arc::new(self.plan.model.with_drives(&acts, &slips)?);
+        let made = Arc::new(whole.with_drives(&acts, &slips)?);
         let rows = self.plan.model.rows_of(&made);
         let found = (made, rows);
         self.models.insert(mode.clone(), found.clone());
@@ -504,12 +539,12 @@ impl<'p> Maker<'p> {
         now: &Output,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Segment, AnalysisError> {
-        let (model, rows) = self.model(mode)?;
+        let (whole, (model, rows)) = (self.whole(&mode.parted)?, self.model(mode)?);
         let observe = self.observe(mode, &model);
         let run = super::observed(&*model, request, None, times, (&now.q, &now.v), Some(observe), watch)?;
         let rubbing = self.frictions.iter().zip(&mode.frictions).filter(|x| x.1.sign() != 0);
         let slips = rubbing.map(|(x, acts)| Slipping { row: x.row, force: x.force, sign: acts.sign().into() });
-        Ok(Segment { model, rows, run, slips: slips.collect() })
+        Ok(Segment { whole, model, rows, run, slips: slips.collect() })
     }
 
     /// What a mode follows beside the events, in the order of their numbers after those of the events.
@@ -680,6 +715,11 @@ impl<'p> Maker<'p> {
                             note(x.event, x.rises, Kind::Release);
                         }
                     }
+                    Action::Part(joint) => {
+                        if next.parted.insert(joint.clone()) {
+                            note(x.event, x.rises, Kind::Release);
+                        }
+                    }
                     Action::Rates(rates) => {
                         for (name, rate) in rates {
                             let row = self.rows.get(name).copied();
@@ -693,14 +733,21 @@ impl<'p> Maker<'p> {
             }
         }
         let closed = self.closed(&state)?;
-        let impact = Impact::new(&self.plan.model, t, &q, &before.v)?;
-        let mut held: Vec<(usize, f64)> = self.always.iter().map(|&row| (row, 0.0)).collect();
+        let whole = self.whole(&next.parted)?;
+        let rows = self.plan.model.rows_of(&whole);
+        let always: Vec<usize> = self.always.iter().copied().filter(|x| rows.contains(x)).collect();
+        if next.parted != mode.parted {
+            check_spins(&*self.whole(&mode.parted)?, &whole, (t, &q, &before.v))?;
+        }
+        let acting = Acting { model: &whole, rows: &rows, count: self.plan.model.size().rows, always: &always };
+        let impact = Impact::new(&acting, t, &q, &before.v)?;
+        let mut held: Vec<(usize, f64)> = always.iter().map(|&row| (row, 0.0)).collect();
         held.extend(next.locked.iter().filter_map(|name| self.rows.get(name)).map(|&row| (row, 0.0)));
         let own = self.own(mode);
         let passed = occurred.iter().filter_map(|x| x.event.checked_sub(self.plan.events.len()));
         let passed: Vec<Own> = passed.filter_map(|i| own.get(i).copied()).collect();
         let Settled { reached, pressing, frictions, accumulated } =
-            self.settled((t, &q), &impact, (&held, &set), (&closed, &passed), (mode, occurred))?;
+            self.settled((&acting, t, &q), &impact, (&held, &set), (&closed, &passed), (mode, occurred))?;
         let Reached { v, multipliers, energy } = reached;
         for &i in &closed {
             let stop = &self.stops[i];
@@ -743,7 +790,8 @@ impl<'p> Maker<'p> {
         };
         let energy = -lost;
         let dv: Vec<f64> = v.iter().zip(&before.v).map(|(after, before)| after - before).collect();
-        let joints = if jumps { of_joints(&self.plan.model, (t, &q), &dv, &impulses)? } else { Vec::new() };
+        let along: Vec<f64> = if jumps { rows.iter().map(|&row| impulses[row]).collect() } else { Vec::new() };
+        let joints = if jumps { of_joints(&whole, (t, &q), &dv, &along)? } else { Vec::new() };
         for (event, rises, kind) in done {
             let own = matches!(kind, Kind::Impact | Kind::Lock | Kind::Rates);
             let impulses = if own { impulses.clone() } else { Vec::new() };
@@ -773,7 +821,7 @@ impl<'p> Maker<'p> {
     /// with their rates and `set` those of this instant alone, `passed` what has just ceased to last.
     fn settled(
         &self,
-        (t, q): (f64, &[f64]),
+        (acting, t, q): (&Acting, f64, &[f64]),
         impact: &Impact,
         (held, set): (&Rates, &Rates),
         (closed, passed): (&[usize], &[Own]),
@@ -785,7 +833,7 @@ impl<'p> Maker<'p> {
         let mut accumulated = None;
         loop {
             let reached = impact.velocities(held, set, &sides)?;
-            let after = Impact::new(&self.plan.model, t, q, &reached.v)?;
+            let after = Impact::new(acting, t, q, &reached.v)?;
             for (stays, side) in stays.iter_mut().zip(&sides) {
                 *stays |= after.rate(*side) <= tolerance::EQUAL * after.fastest(*side);
             }
@@ -801,7 +849,8 @@ impl<'p> Maker<'p> {
             };
             let still: Vec<bool> = (0..self.frictions.len()).map(still).collect();
             let before = (&mode.frictions[..], passed);
-            let (frictions, pushed) = self.rubbed((t, q, &reached.v), (&after, &still), (&rows, &resting), before)?;
+            let (frictions, pushed) =
+                self.rubbed((acting, t, q, &reached.v), (&after, &still), (&rows, &resting), before)?;
             // one that comes back at once, and hardly leaves, stays
             let low = |&i: &usize| {
                 let (side, stop) = (sides[i], &self.stops[closed[i]]);
@@ -838,7 +887,7 @@ impl<'p> Maker<'p> {
     /// sticks, until none is left (for equal magnitudes at rest and in motion the rule of the least index, which ends).
     fn rubbed(
         &self,
-        (t, q, v): (f64, &[f64], &[f64]),
+        (acting, t, q, v): (&Acting, f64, &[f64], &[f64]),
         (after, still): (&Impact, &[bool]),
         (rows, resting): (&[usize], &[OneSided]),
         (before, passed): (&[StickSlip], &[Own]),
@@ -847,7 +896,7 @@ impl<'p> Maker<'p> {
         if count == 0 {
             return Ok((Vec::new(), after.accelerations(rows, resting, &[])?));
         }
-        let level = |x: &FrictionOf| self.plan.model.friction_levels(x.force, t, (q, v));
+        let level = |x: &FrictionOf| acting.model.friction_levels(x.force, t, (q, v));
         let levels = self.frictions.iter().map(level).collect::<Result<Vec<_>, _>>()?;
         let levels: Vec<[f64; 2]> = levels.into_iter().map(Option::unwrap_or_default).collect();
         let side = |i: usize| self.frictions[i].side();

@@ -56,7 +56,7 @@ pub fn wraps(placed: &Placed, m: &Measure) -> bool {
 pub fn order(spec: &Spec, placed: &Placed) -> Result<Vec<ConditionRows>, DescriptionError> {
     let mut groups: Vec<ConditionRows> = Vec::new();
     let turn = std::f64::consts::TAU;
-    for (j, p) in placed.joints.iter().enumerate() {
+    for (j, p) in placed.joints.iter().enumerate().filter(|x| !x.1.apart) {
         let Some(own) = &p.shape.own else { continue };
         let period = match own {
             Own::Advance(per_radian) => (p.links.is_none()).then_some((per_radian * turn).abs()),

@@ -13,6 +13,7 @@ use crate::error::DescriptionError;
 use crate::freed::Freed;
 use crate::measurement::{drivable, is_angle, Maker, Quantity};
 use crate::numbers::Numbers;
+use crate::rows::Owner;
 use crate::spec::{Drive, Force, Level, Measure, PointForce, Spec, Value, VectorValue};
 use crate::value;
 use partita_math::spatial::Spatial;
@@ -135,13 +136,17 @@ impl Model {
         Ok(self.equations().shown(e, t, q, v, s.equations())?.levels)
     }
 
-    /// The row of this model that each row of a model with some of its drives is.
+    /// The row of this model that each row of a model with some of its drives, or without some of its joints, is.
     pub fn rows_of(&self, part: &Self) -> Vec<usize> {
         let own: HashMap<&str, usize> = self.own.drives.iter().map(|d| (&*d.name, d.row)).collect();
         let names: HashMap<usize, &str> = part.own.drives.iter().map(|d| (d.row, &*d.name)).collect();
-        // all rows but those of drives keep their order
+        // all rows but those of drives keep their order; joints that are apart have none
         let rows = &self.structure.rows;
-        let mut others = (0..rows.len()).filter(|&i| !rows[i].is_drive);
+        let acts = |i: &usize| match self.row_names[*i].owner {
+            Owner::Joint(j) => !part.own.placed.joints[j].apart,
+            _ => !rows[*i].is_drive,
+        };
+        let mut others = (0..rows.len()).filter(acts);
         let row = |i: usize| names.get(&i).and_then(|name| own.get(name).copied()).or_else(|| others.next());
         (0..part.structure.rows.len()).filter_map(row).collect()
     }

@@ -38,6 +38,7 @@ pub fn drawing(name: &str) -> Drawing {
         forces: vec![],
         rotors: vec![],
         sights: vec![],
+        parting: std::collections::BTreeMap::new(),
     })
 }
 

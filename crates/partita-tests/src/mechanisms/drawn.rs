@@ -55,6 +55,7 @@ pub fn empty(name: &str) -> Spec {
         forces: vec![],
         rotors: vec![],
         sights: vec![],
+        parting: std::collections::BTreeMap::new(),
     }
 }
 

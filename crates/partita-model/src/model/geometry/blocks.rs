@@ -7,12 +7,12 @@
 
 use crate::lengths::diameter;
 use crate::model::Model;
-use crate::spec::{Coupling, Spec};
+use crate::spec::{Coupling, Joint, Spec};
 use crate::tree::LinkMotion;
 use crate::validate::GROUND;
 use partita_math::spatial::{Mat3, Vec3};
 use partita_math::tolerance;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Displacement of a body from its drawn pose: x becomes `turn` x + `shift`.
 #[derive(Clone, Copy)]
@@ -112,6 +112,7 @@ pub(super) fn blocks(spec: &Spec) -> Blocks {
             forces: Vec::new(),
             rotors: Vec::new(),
             sights: Vec::new(),
+            parting: BTreeMap::new(),
         };
         for joint in &mut drawn.joints {
             for end in [&mut joint.parent, &mut joint.child] {
@@ -191,7 +192,9 @@ fn nodes(spec: &Spec) -> HashMap<&str, usize> {
 /// Joints as edges between bodies, in their order, followed by the edges of conditions.
 fn lines(spec: &Spec, index: &HashMap<&str, usize>) -> Vec<[usize; 2]> {
     let node = |name: &str| index.get(name).copied().unwrap_or(0);
-    let mut lines: Vec<[usize; 2]> = spec.joints.iter().map(|j| [node(&j.parent), node(&j.child)]).collect();
+    // a joint that is apart connects nothing: a line from the ground to itself is on no ring
+    let ends = |j: &Joint| if spec.is_apart(j) { [0, 0] } else { [node(&j.parent), node(&j.child)] };
+    let mut lines: Vec<[usize; 2]> = spec.joints.iter().map(ends).collect();
     for c in &spec.couplings {
         // the bodies of a condition form one block: a ring of edges through them
         let held: Vec<usize> = spec.joined_by(c).into_iter().map(node).collect::<BTreeSet<_>>().into_iter().collect();
