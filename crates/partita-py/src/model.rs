@@ -422,7 +422,7 @@ impl Model {
         step_bytes: usize,
         events: EventList,
         acts: &str,
-        decisions: Vec<(String, Py<PyAny>)>,
+        decisions: segments::DecisionList,
     ) -> PyResult<Bound<'py, PyDict>> {
         guarded(py, || {
             let options = options.get().keeping(step_bytes);

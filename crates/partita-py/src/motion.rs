@@ -330,26 +330,25 @@ impl Motion {
 
     /// Effect of applied force `number` of the description.
     fn load<'py>(&self, py: Python<'py>, number: usize) -> PyResult<Bound<'py, PyDict>> {
-        self.of_states(py, |m, states| {
-            let (found, n) = watched(py, |watch| outputs::load(m, states, number, watch))?;
-            let shapes: [(&str, &[usize]); 6] = [
-                ("power", &[]),
-                ("potential", &[]),
-                ("effort", &[]),
-                ("point", &[n, 3]),
-                ("force", &[n, 3]),
-                ("moment", &[n, 3]),
-            ];
-            named(py, states.len(), found, &shapes)
-        })
+        let (_, n) = self.model.load_number(number).map_err(|e| failure::description(py, &e))?;
+        let found = self.of_states_apart(py, |m, states, _| {
+            Ok(watched(py, |watch| outputs::load(m, states, number, watch))?.0)
+        })?;
+        let shapes: [(&str, &[usize]); 6] = [
+            ("power", &[]),
+            ("potential", &[]),
+            ("effort", &[]),
+            ("point", &[n, 3]),
+            ("force", &[n, 3]),
+            ("moment", &[n, 3]),
+        ];
+        named(py, self.count(py)?, found, &shapes)
     }
 
     /// Kinetic and potential energy.
     fn energies<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        self.of_states(py, |m, states| {
-            let found = watched(py, |watch| outputs::energies(m, states, watch))?;
-            named(py, states.len(), found, &[("kinetic", &[]), ("potential", &[])])
-        })
+        let found = self.of_states_apart(py, |m, states, _| watched(py, |watch| outputs::energies(m, states, watch)))?;
+        named(py, self.count(py)?, found, &[("kinetic", &[]), ("potential", &[])])
     }
 
     /// Wrench of one joint, effort of its drives and its axes.

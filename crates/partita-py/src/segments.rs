@@ -13,6 +13,7 @@ use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::Observe;
 use partita_integrate::step_log::StepLog;
+use partita_model::model::Silent;
 use partita_model::Model;
 use partita_system::event::MotionState;
 use partita_system::prelude::*;
@@ -32,7 +33,12 @@ struct Written {
     #[serde(default)]
     parted: Vec<String>,
     actions: Vec<Vec<Action>>,
+    #[serde(default)]
+    inputs: Vec<(Silent, f64)>,
 }
+
+/// Functions that decide, with the names of their events.
+pub type DecisionList = Vec<(String, Py<PyAny>)>;
 
 /// Decisions that Python functions of (t, q, v) take, each the text of a list of actions, and the names of their events.
 struct Deciding(Vec<String>, Callables);
@@ -196,17 +202,17 @@ pub fn run<'py>(
     request: &Request,
     t_eval: &PyReadonlyArray1<'py, f64>,
     (q, v): (&[f64], &[f64]),
-    (events, (acts, decisions)): (EventList, (&str, Vec<(String, Py<PyAny>)>)),
+    (events, (acts, decisions)): (EventList, (&str, DecisionList)),
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let t_eval = entries_of(t_eval);
-    let Written { switched, locked, parted, actions } =
+    let Written { switched, locked, parted, actions, inputs } =
         serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
     let observe = Events::new(events)?.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
     let (names, called) = decisions.into_iter().unzip();
     let decisions = Box::new(Deciding(names, Callables::new(called)));
     let Observe { events, functions, most } = observe;
-    let plan = Plan { model: model.clone(), switched, locked, parted, events, actions, most, decisions };
+    let plan = Plan { model: model.clone(), switched, locked, parted, events, actions, most, inputs, decisions };
     let go = |watch: Stopping| in_segments(&plan, functions, request, &t_eval, (q, v), watch);
     let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;
     reported_segments(py, model, found, cause)

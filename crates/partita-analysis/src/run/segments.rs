@@ -8,6 +8,7 @@ use crate::error::AnalysisError;
 use crate::outputs::{energies, reactions, Forces, States};
 use partita_integrate::simulate::{Observe, Outcome, Status};
 use partita_math::tolerance;
+use partita_model::model::Silent;
 use partita_model::Model;
 use partita_system::event::{Event, EventFunctions, MotionState, Occurrence};
 use partita_system::positions::turns;
@@ -30,6 +31,10 @@ const MOST_FLIPS: usize = 1000;
 /// A coordinate that is slower is at rest. Scale: natural size of the coordinate per second. Reason: far above the rounding
 /// of rates, far below any motion.
 const RATE_AT_REST: f64 = 1e-9;
+
+/// Models of modes that are kept. Reason: a mechanism has a few modes; inputs that are set anew at each event make as many as
+/// there are events.
+const MOST_KEPT: usize = 64;
 
 /// What is done at an event.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -66,6 +71,8 @@ pub enum Action {
         /// The name of the force.
         force: String,
     },
+    /// These inputs, by their numbers, get these values.
+    Inputs(Vec<(usize, f64)>),
     /// What this decision says, by its number.
     Decide(usize),
 }
@@ -95,6 +102,8 @@ pub struct Plan {
     pub actions: Vec<Vec<Action>>,
     /// How many may occur.
     pub most: usize,
+    /// Efforts that events may set, and their values at the start.
+    pub inputs: Vec<(Silent, f64)>,
     /// What the actions ask.
     pub decisions: Box<dyn Decisions>,
 }
@@ -118,6 +127,8 @@ pub enum Kind {
     Release,
     /// Rates were set.
     Rates,
+    /// Inputs were set.
+    Input,
     /// Friction holds.
     Stick,
     /// It no longer does, or slips in the other sense.
@@ -136,6 +147,7 @@ impl Kind {
             Self::Lock => "lock",
             Self::Release => "release",
             Self::Rates => "rates",
+            Self::Input => "input",
             Self::Stick => "stick",
             Self::Slip => "slip",
         }
@@ -419,8 +431,17 @@ struct Mode {
     pressing: BTreeSet<usize>,
     /// How the frictions act.
     frictions: Vec<StickSlip>,
+    /// What moves.
+    whole: Whole,
+}
+
+/// What moves, whichever rows act.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct Whole {
     /// Joints that are apart.
     parted: BTreeSet<String>,
+    /// Bits of the inputs that were set.
+    inputs: BTreeMap<usize, u64>,
 }
 
 /// What a mode follows beside the events.
@@ -444,8 +465,10 @@ struct Maker<'p> {
     always: Vec<usize>,
     /// Models of modes that acted before.
     models: BTreeMap<Mode, (Arc<Model>, Vec<usize>)>,
-    /// With all drives, by the joints that are apart.
-    wholes: BTreeMap<BTreeSet<String>, Arc<Model>>,
+    /// With all drives.
+    wholes: BTreeMap<Whole, Arc<Model>>,
+    /// The times in which it moves, with room at both ends.
+    span: [f64; 2],
     /// How often each event has occurred.
     count: Vec<u64>,
     happenings: Vec<Happening>,
@@ -456,7 +479,13 @@ fn refuse(message: String) -> AnalysisError {
 }
 
 impl<'p> Maker<'p> {
-    fn new(plan: &'p Plan, functions: Box<dyn EventFunctions>) -> Result<(Self, Mode), AnalysisError> {
+    fn new(
+        plan: &'p Plan,
+        functions: Box<dyn EventFunctions>,
+        (t0, t_end): (f64, f64),
+    ) -> Result<(Self, Mode), AnalysisError> {
+        let room = 1.0 + (t_end - t0);
+        let span = [t0 - room, t_end + room];
         let functions = Shared(Arc::new(Mutex::new(functions)));
         let rows: BTreeMap<String, usize> =
             plan.model.drives().iter().map(|drive| (drive.name.clone(), drive.row)).collect();
@@ -487,25 +516,38 @@ impl<'p> Maker<'p> {
                         let (drive, row, size) = (drive.clone(), known(drive)?, size(drive));
                         frictions.push(FrictionOf { event, drive, row, force: number, name: force.clone(), size });
                     }
-                    Action::Lock(_) | Action::Release(_) | Action::Part(_) | Action::Rates(_) | Action::Decide(_) => {}
+                    Action::Lock(_) | Action::Release(_) | Action::Part(_) | Action::Rates(_) => {}
+                    Action::Inputs(_) | Action::Decide(_) => {}
                 }
             }
         }
         let [locked, parted] = [&plan.locked, &plan.parted].map(|names| names.iter().cloned().collect());
         let resting = vec![StickSlip::Rests(0); frictions.len()];
-        let mode = Mode { locked, pressing: BTreeSet::new(), frictions: resting, parted };
-        let (models, happenings, count) = (BTreeMap::new(), Vec::new(), vec![0; plan.events.len()]);
-        let wholes = BTreeMap::from([(BTreeSet::new(), plan.model.clone())]);
-        Ok((Self { plan, functions, stops, frictions, rows, always, models, wholes, count, happenings }, mode))
+        let whole = Whole { parted, inputs: BTreeMap::new() };
+        let mode = Mode { locked, pressing: BTreeSet::new(), frictions: resting, whole };
+        let (models, wholes) = (BTreeMap::new(), BTreeMap::new());
+        let (happenings, count) = (Vec::new(), vec![0; plan.events.len()]);
+        Ok((Self { plan, functions, stops, frictions, rows, always, models, wholes, span, count, happenings }, mode))
     }
 
-    /// The mechanism with all drives, without the joints that are apart. Made once.
-    fn whole(&mut self, parted: &BTreeSet<String>) -> Result<Arc<Model>, AnalysisError> {
-        if let Some(found) = self.wholes.get(parted) {
+    /// The mechanism with all drives, without the joints that are apart, and with its inputs. Made once.
+    fn whole(&mut self, what: &Whole) -> Result<Arc<Model>, AnalysisError> {
+        if let Some(found) = self.wholes.get(what) {
             return Ok(found.clone());
         }
-        let made = Arc::new(self.plan.model.parted(parted)?);
-        self.wholes.insert(parted.clone(), made.clone());
+        let mut made = match what.parted.is_empty() {
+            true => self.plan.model.clone(),
+            false => Arc::new(self.plan.model.parted(&what.parted)?),
+        };
+        if !self.plan.inputs.is_empty() {
+            let given = self.plan.inputs.iter().enumerate();
+            let efforts = given.map(|(i, x)| (x.0, what.inputs.get(&i).map_or(x.1, |bits| f64::from_bits(*bits))));
+            made = Arc::new(made.with_efforts(&efforts.collect::<Vec<_>>(), self.span)?);
+        }
+        if self.wholes.len() >= MOST_KEPT {
+            self.wholes.clear();
+        }
+        self.wholes.insert(what.clone(), made.clone());
         Ok(made)
     }
 
@@ -514,7 +556,7 @@ impl<'p> Maker<'p> {
         if let Some(found) = self.models.get(mode) {
             return Ok(found.clone());
         }
-        let whole = self.whole(&mode.parted)?;
+        let whole = self.whole(&mode.whole)?;
         let pressing: BTreeSet<&String> = mode.pressing.iter().map(|&i| &self.stops[i].drive).collect();
         let rubbing = || self.frictions.iter().zip(&mode.frictions);
         let sticks = |name: &str| rubbing().any(|(x, acts)| *acts == StickSlip::Sticks && x.drive == name);
@@ -526,6 +568,9 @@ impl<'p> Maker<'p> {
         let made = Arc::new(whole.with_drives(&acts, &slips)?);
         let rows = self.plan.model.rows_of(&made);
         let found = (made, rows);
+        if self.models.len() >= MOST_KEPT {
+            self.models.clear();
+        }
         self.models.insert(mode.clone(), found.clone());
         Ok(found)
     }
@@ -539,8 +584,8 @@ impl<'p> Maker<'p> {
         now: &Output,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Segment, AnalysisError> {
-        let (whole, (model, rows)) = (self.whole(&mode.parted)?, self.model(mode)?);
-        let observe = self.observe(mode, &model);
+        let (whole, (model, rows)) = (self.whole(&mode.whole)?, self.model(mode)?);
+        let observe = self.observe(mode, &whole, &model);
         let run = super::observed(&*model, request, None, times, (&now.q, &now.v), Some(observe), watch)?;
         let rubbing = self.frictions.iter().zip(&mode.frictions).filter(|x| x.1.sign() != 0);
         let slips = rubbing.map(|(x, acts)| Slipping { row: x.row, force: x.force, sign: acts.sign().into() });
@@ -555,7 +600,7 @@ impl<'p> Maker<'p> {
     }
 
     /// What finds the events of a segment in a mode.
-    fn observe(&self, mode: &Mode, model: &Model) -> Observe {
+    fn observe(&self, mode: &Mode, whole: &Arc<Model>, model: &Model) -> Observe {
         let mut events = Vec::with_capacity(self.plan.events.len());
         for (i, event) in self.plan.events.iter().enumerate() {
             let left = |x: u64| x.saturating_sub(self.count[i]);
@@ -591,7 +636,7 @@ impl<'p> Maker<'p> {
                     let (friction, sign) = (&self.frictions[i], f64::from(sign));
                     let what = match mode.frictions[i] {
                         StickSlip::Sticks => {
-                            let most = Some(Largest { model: self.plan.model.clone(), force: friction.force });
+                            let most = Some(Largest { model: whole.clone(), force: friction.force });
                             Lasts::Force { row: row(&friction.drive), sign, most }
                         }
                         _ => Lasts::Rate { event: friction.event, sign, width: RATE_AT_REST * friction.size },
@@ -716,7 +761,7 @@ impl<'p> Maker<'p> {
                         }
                     }
                     Action::Part(joint) => {
-                        if next.parted.insert(joint.clone()) {
+                        if next.whole.parted.insert(joint.clone()) {
                             note(x.event, x.rises, Kind::Release);
                         }
                     }
@@ -728,16 +773,21 @@ impl<'p> Maker<'p> {
                         }
                         note(x.event, x.rises, Kind::Rates);
                     }
+                    Action::Inputs(values) => {
+                        let bits = values.iter().map(|(i, value)| (*i, value.to_bits()));
+                        next.whole.inputs.extend(bits);
+                        note(x.event, x.rises, Kind::Input);
+                    }
                     Action::Stop { .. } | Action::Freewheel { .. } | Action::Friction { .. } | Action::Decide(_) => {}
                 }
             }
         }
         let closed = self.closed(&state)?;
-        let whole = self.whole(&next.parted)?;
+        let whole = self.whole(&next.whole)?;
         let rows = self.plan.model.rows_of(&whole);
         let always: Vec<usize> = self.always.iter().copied().filter(|x| rows.contains(x)).collect();
-        if next.parted != mode.parted {
-            check_spins(&*self.whole(&mode.parted)?, &whole, (t, &q, &before.v))?;
+        if next.whole.parted != mode.whole.parted {
+            check_spins(&*self.whole(&mode.whole)?, &whole, (t, &q, &before.v))?;
         }
         let acting = Acting { model: &whole, rows: &rows, count: self.plan.model.size().rows, always: &always };
         let impact = Impact::new(&acting, t, &q, &before.v)?;
@@ -996,7 +1046,7 @@ pub fn in_segments(
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Segments, AnalysisError> {
-    let (mut maker, mode) = Maker::new(plan, functions)?;
+    let (mut maker, mode) = Maker::new(plan, functions, (request.t0, request.t_end))?;
     let zero = vec![0; q.len()];
     let mut now = Output { t: request.t0, q: q.to_vec(), v: v.to_vec(), turns: zero, ..Output::default() };
     let (mut mode, first, energy) = maker.change(&mode, &now, &[])?;

@@ -14,7 +14,7 @@ use crate::freed::Freed;
 use crate::measurement::{drivable, is_angle, Maker, Quantity};
 use crate::numbers::Numbers;
 use crate::rows::Owner;
-use crate::spec::{Drive, Force, Level, Measure, PointForce, Spec, Value, VectorValue};
+use crate::spec::{Drive, Force, Level, Measure, PointForce, Spec, Table, Value, VectorValue};
 use crate::value;
 use partita_math::spatial::Spatial;
 use partita_math::tolerance;
@@ -38,13 +38,24 @@ fn silence(force: &mut Force, component: Option<usize>) {
     }
 }
 
+impl Spec {
+    fn silence(&mut self, i: usize, component: Option<usize>) {
+        if let Some(force) = self.forces.get_mut(i) {
+            silence(force, component);
+        }
+    }
+}
+
 impl Model {
     /// The same mechanism in the same coordinates with nothing prescribed; the forces `silent` have the effort 0.
     ///
     /// # Errors
     /// Where its equations cannot be made.
     pub fn released(&self, silent: &[Silent]) -> Result<Self, DescriptionError> {
-        self.with_rows(Vec::new(), silent, None)
+        self.remade(|spec| {
+            spec.drives = Vec::new();
+            silent.iter().for_each(|&(i, component)| spec.silence(i, component));
+        })
     }
 
     /// As [`released`](Self::released), with a row for each measurement of `actuators`, which constrains nothing: its
@@ -58,7 +69,10 @@ impl Model {
         silent: &[Silent],
     ) -> Result<Self, DescriptionError> {
         driven_once(&actuators)?;
-        let mut made = self.with_rows(actuators, silent, None)?;
+        let mut made = self.remade(|spec| {
+            spec.drives = actuators;
+            silent.iter().for_each(|&(i, component)| spec.silence(i, component));
+        })?;
         made.mechanism = Some(self.clone());
         Ok(made)
     }
@@ -73,8 +87,15 @@ impl Model {
         acts: &dyn Fn(&str) -> bool,
         slips: &dyn Fn(&str) -> f64,
     ) -> Result<Self, DescriptionError> {
-        let kept = self.spec.drives.iter().filter(|drive| acts(&drive.name)).cloned().collect();
-        self.with_rows(kept, &[], Some(slips))
+        self.remade(|spec| {
+            spec.drives.retain(|drive| acts(&drive.name));
+            for force in &mut spec.forces {
+                let sign = slips(force.name());
+                if let Some(acts) = force.record_mut().acts() {
+                    *acts = sign;
+                }
+            }
+        })
     }
 
     /// The same mechanism in the same coordinates with more drives, those with which set-valued laws act among them.
@@ -86,9 +107,31 @@ impl Model {
             drivable(drive, &self.own.placed)?;
             self.lies_in_plane(drive)?;
         }
-        let rows = self.spec.drives.iter().cloned().chain(more).collect();
-        let mut made = self.with_rows(rows, &[], None)?;
+        let mut made = self.remade(|spec| spec.drives.extend(more))?;
         made.permanent = Some(self.clone());
+        Ok(made)
+    }
+
+    /// The same mechanism with other given efforts, constant over this span of time; friction that may stick gets its
+    /// magnitude while it slips. Each does work and has no potential.
+    ///
+    /// # Errors
+    /// Where its equations cannot be made.
+    pub fn with_efforts(&self, efforts: &[(Silent, f64)], span: [f64; 2]) -> Result<Self, DescriptionError> {
+        let mut made = self.remade(|spec| {
+            for &((i, component), effort) in efforts {
+                let value = Value::Table(Table { breaks: span.to_vec(), coefficients: vec![[0.0, 0.0, 0.0, effort]] });
+                match (spec.forces.get_mut(i), component) {
+                    (Some(Force::Torque(x)), _) => x.value = value,
+                    (Some(Force::Friction(x)), _) => x.dynamic = value,
+                    (Some(Force::Force(PointForce { value: VectorValue::Components(all), .. })), Some(k)) if k < 3 => {
+                        all[k] = value;
+                    }
+                    _ => {}
+                }
+            }
+        })?;
+        made.permanent = self.permanent.clone();
         Ok(made)
     }
 
@@ -187,26 +230,9 @@ impl Model {
     }
 
     /// On the tree of this model, whatever tree a description with these drives would have.
-    fn with_rows(
-        &self,
-        rows: Vec<Drive>,
-        silent: &[Silent],
-        slips: Option<&dyn Fn(&str) -> f64>,
-    ) -> Result<Self, DescriptionError> {
-        let mut spec = Spec { drives: rows, ..(*self.spec).clone() };
-        if let Some(slips) = slips {
-            for force in &mut spec.forces {
-                let sign = slips(force.name());
-                if let Some(acts) = force.record_mut().acts() {
-                    *acts = sign;
-                }
-            }
-        }
-        for &(i, component) in silent {
-            if let Some(force) = spec.forces.get_mut(i) {
-                silence(force, component);
-            }
-        }
+    fn remade(&self, change: impl FnOnce(&mut Spec)) -> Result<Self, DescriptionError> {
+        let mut spec = (*self.spec).clone();
+        change(&mut spec);
         let placed = (*self.own.placed).clone();
         let numbers = Numbers::new(&spec, &placed);
         let rows = drives(&spec, &placed, compile::row_count(&placed))?;
