@@ -18,7 +18,7 @@ from . import errors, limits, partition, units
 from ._core import version as _version
 from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
-from .events import Event, Lock, Release, SetRates, Stop
+from .events import Event, Lock, Release, SetInput, SetRates, Stop
 from .mechanism import Mechanism, load
 from .solver import Solver
 from .state import State
@@ -43,6 +43,7 @@ __all__ = [
     "Mechanism",
     "Release",
     "Result",
+    "SetInput",
     "SetRates",
     "Solver",
     "State",

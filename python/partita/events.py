@@ -71,6 +71,20 @@ class SetRates:
 
 
 @dataclass(frozen=True)
+class SetInput:
+    """An action of an event: an effort has this value from there on: a torque that is a number, a component of a force
+    (`"push.x"`), the torque of a brake or of friction that sticks. In a run whose events may set it, it counts as work.
+
+    >>> import partita as pt
+    >>> pt.SetInput("motor", 2.5)
+    SetInput(name='motor', value=2.5)
+    """
+
+    name: Any
+    value: Any
+
+
+@dataclass(frozen=True)
 class Stop:
     """An action of an event with a direction: what is followed never passes the value: a rigid stop.
 
@@ -87,7 +101,7 @@ class Stop:
     restitution: float = 0.0
 
 
-Action = Lock | Release | SetRates | Stop
+Action = Lock | Release | SetRates | SetInput | Stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +129,8 @@ class Event:
         terminal: True: the run ends there; a number n: at the n-th time. Such a run is a success with the status
             "event", and the event is its last output.
         once: only the first time is reported, and acts.
-        then: what is done there: `pt.Lock`, `pt.Release`, `pt.SetRates`, `pt.Stop`, or a list of these; or a function
-            f(t, state) that returns one of the first three, a list, or None, from the state before.
+        then: what is done there: `pt.Lock`, `pt.Release`, `pt.SetRates`, `pt.SetInput`, `pt.Stop`, or a list of these; or
+            a function f(t, state) of the state before, which returns one of the first four, a list, or None.
 
     Raises:
         ArgumentError: an argument is not as said.
@@ -177,7 +191,7 @@ class Event:
         if not isinstance(action, Action):
             self._refuse(
                 "then",
-                f"is {shown(action)}{how}; give pt.Lock, pt.Release, pt.SetRates, pt.Stop, a list of these, or a "
+                f"is {shown(action)}{how}; give pt.Lock, pt.Release, pt.SetRates, pt.SetInput, pt.Stop, a list of these, or a "
                 "function of (t, state)",
             )
         if isinstance(action, Stop):

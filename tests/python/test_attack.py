@@ -492,6 +492,7 @@ def asked() -> dict[str, Callable[[], Call]]:
         "Lock": (lambda **given: acted(m, pt.Lock(**given)), {"joint": "A", "coordinate": 0}),
         "Release": (lambda **given: acted(m, pt.Release(**given)), {"joint": "A"}),
         "SetRates": (lambda **given: acted(m, pt.SetRates(**given)), {"rates": {"A": 1.0}}),
+        "SetInput": (lambda **given: acted(m, pt.SetInput(**given)), {"name": "to", "value": 1.0}),
         "Stop": (lambda **given: acted(m, pt.Stop(**given)), {"restitution": 0.5}),
         "Coordinate": (lambda **given: driven(pt.Coordinate(**given)), {"joint": "A", "coordinate": 0}),
         "Distance": (

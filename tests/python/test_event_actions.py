@@ -633,3 +633,82 @@ def test_decisions_that_cannot_be_end_a_run_with_the_name_of_the_event() -> None
         assert words in run.message and 0.4 < run.t[-1] < 0.5
     with pytest.raises(ArgumentError, match="or a function of"):
         pt.Event("low", "A", then=pt.Lock)
+
+
+def press() -> pt.Mechanism:
+    """Crank 0.08 m with a flywheel, rod 0.25 m, slider 0.8 kg, from the outer dead centre, without gravity."""
+    m = pt.Mechanism("press", gravity=None)
+    crank = m.add_body("crank", mass=0.5, com=(0.02, 0, 0), inertia=(0.2, 0.2, 0.3512))
+    rod = m.add_body("rod", mass=0.6, com=(0.08, 0, 0), inertia=(2e-3, 2e-3, 0.0035), position=(0.08, 0, 0))
+    slider = m.add_body("slider", mass=0.8, inertia=(1e-3, 1e-3, 1e-3), position=(0.33, 0, 0))
+    m.add_revolute("O", m.ground, crank, point=(0, 0, 0))
+    m.add_revolute("P", crank, rod, point=(0.08, 0, 0))
+    m.add_revolute("W", rod, slider, point=(0.33, 0, 0))
+    m.add_prismatic("S", m.ground, slider, point=(0.33, 0, 0), axis=(1, 0, 0))
+    m.add_force("slider", (0.0, 0.0, 0.0), (0, 0, 0), name="sheet")
+    return m
+
+
+@COORDINATES
+@pytest.mark.parametrize("by_functions", [False, True])
+def test_a_sheet_breaks_away_under_a_press(coordinates: str, by_functions: bool) -> None:
+    """The sheet resists with 900 N over 15 mm and breaks: rates by energy, times by quadrature in 45 digits."""
+    m = press()
+    on: Any = pt.SetInput("sheet.x", 900.0)
+    off: Any = pt.SetInput("sheet.x", 0.0)
+    if by_functions:
+        on, off = (lambda t, state: pt.SetInput("sheet.x", "0.9 kN")), (lambda t, state: [pt.SetInput("sheet.x", 0.0)])
+    events = [
+        pt.Event("touches", "S", value=0.20 - 0.33, direction=-1, once=True, then=on),
+        pt.Event("breaks", "S", value=0.185 - 0.33, direction=-1, once=True, then=off),
+        pt.Event("bottom", "O", value=math.pi),
+        pt.Event("next turn", "O", value=1.5 + 2.0 * math.pi, terminal=True),
+    ]
+    start = m.assemble({"O": 1.5}, rates={"O": 12.0}, coordinates=coordinates)
+    times = [0.0, 0.06, 0.0798205437, 0.1]
+    run = m.simulate(1.0, initial=start, coordinates=coordinates, events=events, t_eval=times, **TIGHT)
+    assert run.success and run.certificate.verdict == "valid", run.message
+    assert [event.kind for event in run.events] == ["input", "input", "crossing", "crossing"]
+    touches, breaks, bottom, again = run.events
+    assert touches.t == pytest.approx(0.0497245859313159323555, rel=1e-10)
+    assert touches.before.velocity("O") == pytest.approx(12.0580600737165491217575851445, rel=1e-10)
+    assert breaks.t == pytest.approx(0.0798205437879685300482, rel=1e-10)
+    assert breaks.before.position("O") == pytest.approx(2.40241123420968590248, rel=1e-10)
+    assert breaks.before.velocity("O") == pytest.approx(8.37557022008187297327, rel=1e-10)
+    assert bottom.t == pytest.approx(0.167920851816639143888, rel=1e-10)
+    assert bottom.before.velocity("O") == pytest.approx(8.39755767440925871631, rel=1e-9)
+    assert again.t == pytest.approx(0.723564554835704680008, rel=1e-10)
+    assert (run.t[-1], len(run.t)) == (again.t, 5)
+    assert run.force("sheet").force[:, 0] == pytest.approx([0.0, 900.0, 900.0, 0.0, 0.0])
+    # just before the sheet breaks the wrist pin carries it
+    assert abs(run.joint("W").force[2, 0]) == pytest.approx(893.493744572958433192, rel=1e-6)
+    assert run.energy.work[-1] - run.energy.work[0] == pytest.approx(-13.5, rel=1e-9)
+    assert run.energy.kinetic[-1] - run.energy.kinetic[0] == pytest.approx(-13.5, rel=1e-9)
+
+
+def test_inputs_of_torques_and_brakes_are_set_and_stay_set() -> None:
+    """A wheel that a motor drives from 1 s on and a brake stops from 2 s on: by hand."""
+    m = pt.Mechanism("wheel", gravity=None)
+    wheel = m.add_body("wheel", mass=1.0, inertia=(0.2, 0.2, 0.4))
+    m.add_revolute("A", m.ground, wheel, point=(0, 0, 0), axis=(0, 0, 1))
+    m.add_torque("motor", "A", 0.0)
+    m.add_brake("brake", "A", 0.0)
+    at = [pt.Event(f"at {i}", lambda t, state, i=i: t - i, then=then) for i, then in (
+        (1.0, pt.SetInput("motor", 0.8)), (2.0, [pt.SetInput("motor", 0.2), pt.SetInput("brake", 1.2)]),
+    )]  # fmt: skip
+    for coordinates in ("relative", "absolute"):
+        run = m.simulate(4.0, events=at, coordinates=coordinates, t_eval=np.linspace(0.0, 4.0, 17), **TIGHT)
+        assert run.success and run.certificate.verdict == "valid", run.message
+        # rate 2 rad/s at 2 s, then -1.0 N m: at rest 0.8 s later
+        assert [event.kind for event in run.events] == ["input", "slip", "input", "stick"]
+        assert run.events[-1].t == pytest.approx(2.8, rel=1e-11)
+        assert run.joint("A").angle[-1] == pytest.approx(1.0 + 0.8, rel=1e-10)
+        assert run.force("motor").effort == pytest.approx(np.where(run.t < 1.0, 0.0, np.where(run.t < 2.0, 0.8, 0.2)))
+        assert run.force("brake").effort[-1] == pytest.approx(-0.2, rel=1e-11)
+        balance = run.energy.total - run.energy.work
+        assert np.ptp(balance) < 1e-11
+    for name, words in (("moter", "motor"), ("drive", "no input")):
+        with pytest.raises(UnknownNameError, match=words):
+            m.simulate(1.0, events=[pt.Event("e", "A", value=1.0, then=pt.SetInput(name, 1.0))])
+    with pytest.raises(DescriptionError, match="-1"):
+        m.simulate(1.0, events=[pt.Event("e", "A", value=1.0, then=pt.SetInput("brake", -1.0))])

@@ -145,6 +145,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "Event",
             "Lock",
             "Release",
+            "SetInput",
             "SetRates",
             "Stop",
             "table",

@@ -144,7 +144,9 @@ impl Reported for SegmentsLog {
     fn work(&self) -> Vec<f64> {
         let outputs: Vec<Output> = self.outputs().cloned().collect();
         let mut work: Vec<f64> = outputs.iter().map(|x| x.work).collect();
-        let counted = self.whole.counted_potential(&outputs).unwrap_or_default();
+        // inputs that events may set have no potential
+        let whole = self.parts.first().map_or(&self.whole, |part| &part.whole);
+        let counted = whole.counted_potential(&outputs).unwrap_or_default();
         let first = counted.first().copied().unwrap_or_default();
         work.iter_mut().zip(counted).for_each(|(to, x)| *to += x - first);
         work

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..builder.checks import Element
+from ..builder.checks import Element, number
 from ..builder.compiled import CompiledModel
 from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
-from ..builder.records import Joint
+from ..builder.records import Force, Joint
 from ..builder.sensors import Reading, Sensor, known_expression
-from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetRates, Stop, called, listed
+from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetInput, SetRates, Stop, called, listed
 from ..events import observed as written
 from ..naming import index_of
 from ..numeric import shown
@@ -24,6 +24,7 @@ from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
 from ..state import Layout, StateView
+from .inputs import drawn_values, settable
 from .models import Modelled
 from .parting import joints_of, named_joint, parted_at_start, parting
 from .set_valued import latch_of, of_elements
@@ -103,11 +104,14 @@ def observed(
     maker = _Maker(mechanism, model, layout, bool(acting.parting))
     watched = written([*found, *(one.event for one in own)], maker.formula, maker.functions)
     actions = [*(acting.actions(event, maker) for event in found), *([one.does] for one in own)]
-    if not acting.drives and not acting.parting:
+    if not acting.drives and not acting.parting and not acting.inputs:
         return watched, model
     if watched is None:
         watched = Observed((), None, "[]", [])
-    acts = {"switched": list(acting.drives), "locked": at_start, "parted": apart, "actions": actions}
+    acts = {
+        "switched": list(acting.drives), "locked": at_start, "parted": apart, "actions": actions,
+        "inputs": drawn_values(mechanism._description, model, acting.inputs),
+    }  # fmt: skip
     watched = replace(watched, acts=json.dumps(acts), decisions=acting.decisions)
     holding: dict[str, list[str]] = {}
     for one in own:
@@ -122,6 +126,8 @@ class _Actions:
         self._mechanism = mechanism
         self.drives: dict[str, dict[str, Any]] = {}
         self.decisions: list[tuple[str, Decision]] = []
+        self.inputs: list[str] = []
+        """Names of those that may be set."""
         self.parting = parting
 
     def actions(self, event: Event, maker: _Maker) -> list[dict[str, Any]]:
@@ -141,6 +147,8 @@ class _Actions:
                 measured = {"of": "joint", "joint": record.name, "coordinate": i}
                 self.hold_locked("", measured, "velocity", 0.0)
                 self._held_rate(measured)
+        for name in settable(self._mechanism._description):
+            self._settable(name)
 
         def decided(t: float, q: Array, v: Array) -> str:
             found: list[dict[str, Any]] = []
@@ -168,6 +176,8 @@ class _Actions:
                 if name in self.parting:
                     return [{"part": name}]
             found += [{"release": name} for name in self._released(event, action)]
+        elif isinstance(action, SetInput):
+            found.append({"inputs": [self._input(event, action)]})
         elif isinstance(action, SetRates):
             found.append({"rates": [self._rate(event, joint, x) for joint, x in action.rates.items()]})
         else:
@@ -194,6 +204,20 @@ class _Actions:
         if latch is not None:
             return self.locked(event.name, latch["joint"], latch["coordinate"])
         return self.locked(event.name, action.joint, None)
+
+    def _input(self, event: Event, action: SetInput) -> list[Any]:
+        """The number of an input and its value."""
+        element, known = Element("event", event.name), settable(self._mechanism._description)
+        given = action.name
+        name = list(known)[index_of(given.name if isinstance(given, Force) else str(given), list(known), "input")]
+        one = known[name]
+        value = number(element, f"the value of {name}", action.value, one.unit, least=one.least)
+        return [self._settable(name), value]
+
+    def _settable(self, name: str) -> int:
+        if name not in self.inputs:
+            self.inputs.append(name)
+        return self.inputs.index(name)
 
     def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
         measured = measure(self._mechanism, Element("event", event.name), joint)

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..builder.compiled import CompiledModel
+from ..builder.joints import effort_of
 from ..builder.records import Description, Drive, ForceRecord, TorqueRecord
 from ..builder.values import Constant
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import is_list, shown
 from ..sensing import Signals, measured
+from .set_valued import is_set_valued
 
 Array = NDArray[np.float64]
 _AXES = "xyz"
@@ -66,6 +68,47 @@ def chosen(known: Mapping[str, Input], wanted: Any) -> dict[str, Input]:
     if len(set(names)) < len(names):
         raise ArgumentError(f"inputs names one twice: {', '.join(names)}", argument="inputs")
     return {name: known[name] for name in names}
+
+
+class Settable(NamedTuple):
+    """An effort that events may set: its force and component, its unit, and its least value."""
+
+    force: str
+    component: int | None
+    unit: str
+    least: float | None = None
+
+
+def settable(d: Description) -> dict[str, Settable]:
+    """All efforts that events may set, by the names of inputs; friction that sticks by its own."""
+    found: dict[str, Settable] = {}
+    for name, one in inputs_of(d).items():
+        if one.component is None:
+            continue
+        record = d.forces[one.name]
+        if isinstance(record, TorqueRecord):
+            found[name] = Settable(one.name, None, effort_of(d.joints[record.joint], record.coordinate))
+        else:
+            found[name] = Settable(one.name, one.component, "N")
+    for name, record in d.forces.items():
+        if is_set_valued(record) and record.kind == "friction" and isinstance(record["dynamic"], Constant):
+            found[name] = Settable(name, None, effort_of(d.joints[record["joint"]], record["coordinate"]), 0.0)
+    return found
+
+
+def drawn_values(d: Description, model: CompiledModel, names: Sequence[str]) -> list[Any]:
+    """For the core: number and component of the force, and its value at the start, of each of these inputs."""
+    if not names:
+        return []
+    known, forces = settable(d), json.loads(model.description)["forces"]
+    numbers = {force["name"]: i for i, force in enumerate(forces)}
+    found = []
+    for name in names:
+        one = known[name]
+        data = forces[numbers[one.force]]
+        value = data.get("value", data.get("dynamic"))
+        found.append([[numbers[one.force], one.component], _constant(value, one.component or 0)])
+    return found
 
 
 def _constant(value: Any, component: int) -> float:
