@@ -20,7 +20,7 @@ from ..errors import ArgumentError
 from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetRates, Stop, called, listed
 from ..events import observed as written
 from ..naming import index_of
-from ..numeric import is_list, shown
+from ..numeric import is_list, real, shown
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
@@ -136,7 +136,7 @@ class _Actions:
         name = f"rate of {measured['joint']}.{measured['coordinate']}" if of_joint else f"rate of {measured['of']}"
         while name in self.drives and self.drives[name]["measure"] != measured:
             name += "'"
-        return [self._drive(name, measured, "velocity", 0.0), float(rate)]
+        return [self._drive(name, measured, "velocity", 0.0), real(rate)]
 
     def _stop(self, event: Event, action: Stop, maker: _Maker) -> dict[str, Any]:
         followed = maker.formula(event).get("position")
@@ -146,7 +146,7 @@ class _Actions:
                 "not a rate, an expression or a function"
             )
         name = self._drive(f"stop {event.name}", followed, "position", float(event.value))
-        return {"drive": name, "sign": -float(event.direction), "restitution": float(action.restitution)}
+        return {"drive": name, "sign": -float(event.direction), "restitution": real(action.restitution)}
 
     def _drive(self, name: str, measured: Mapping[str, Any], level: str, value: float) -> str:
         taken = self._mechanism._description.drives
