@@ -178,7 +178,7 @@ def test_ctrl_c_stops_a_compilation(caplog: pytest.LogCaptureFixture) -> None:
     m = folded_sheet(4, 4, 4)
     with pressed_after(0.3) as when, pytest.raises(KeyboardInterrupt):
         m.compile()
-    assert time.monotonic() - when[0] < 3.0
+    assert time.monotonic() - when[0] < 1.0
     begun = time.process_time()
     time.sleep(1.5)
     used = time.process_time()
