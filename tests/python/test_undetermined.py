@@ -450,3 +450,8 @@ def test_what_no_joint_feels_is_shared_by_what_couplings_exert(draw: Any, order:
     for name, effort in zip(gradients, right, strict=True):
         found = run.coupling(name)
         assert found.effort[-1].item() == pytest.approx(effort, abs=1e-9) and not np.any(found.determined)
+    # and of one instant, by the equations of the shafts
+    if coordinates == "relative":
+        model, state = m.compile(), m.assemble()
+        instant = model.at(state.q, state.v, 0.0)
+        assert sorted(instant.multipliers) == pytest.approx(sorted(right), abs=1e-9)

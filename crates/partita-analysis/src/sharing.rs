@@ -294,16 +294,18 @@ pub fn multipliers(
     }
     let mut s = model.scratch();
     let given = model.equations().reactions(t, q, v, vdot, lambda, s.equations())?;
-    let mut wanted = given.joints.clone();
+    let (mut wanted, mut shared) = (given.joints.clone(), lambda.to_vec());
     with_rule(model, Some((t, q)), |rule| match rule {
-        Some(rule) => rule.share(t, q, &mut wanted, &mut lambda.to_vec(), &mut rule.memory()),
+        Some(rule) => rule.share(t, q, &mut wanted, &mut shared, &mut rule.memory()),
         None => Ok(()),
     })?;
     let length = model.length();
+    let conditions = model.closing_rows.min(lambda.len())..lambda.len();
     let components = |joints: &[Wrench]| -> Vec<f64> {
         joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.times(1.0 / length).0)).collect()
     };
-    let change: Vec<f64> = components(&wanted).iter().zip(components(&given.joints)).map(|(x, y)| x - y).collect();
+    let mut change: Vec<f64> = components(&wanted).iter().zip(components(&given.joints)).map(|(x, y)| x - y).collect();
+    change.extend(conditions.clone().map(|i| shared[i] - lambda[i]));
     // a self-stress for each row left out, in multipliers of this model's rows
     let mut stresses = Vec::with_capacity(dropped.len());
     let mut wrenches = Matrix::new(change.len(), dropped.len());
@@ -313,7 +315,8 @@ pub fn multipliers(
         let mut n = vec![0.0; lambda.len()];
         n[row] = 1.0;
         split.rows.iter().zip(kept).for_each(|(&i, x)| n[i] = x);
-        let w = components(&model.equations().wrenches_of(q, &n, s.equations()));
+        let mut w = components(&model.equations().wrenches_of(q, &n, s.equations()));
+        w.extend(&n[conditions.clone()]);
         let size = w.iter().map(|x| x * x).sum::<f64>().sqrt();
         if size > 0.0 {
             n.iter_mut().for_each(|x| *x /= size);
