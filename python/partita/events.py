@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,8 +129,8 @@ class Event:
         terminal: True: the run ends there; a number n: at the n-th time. Such a run is a success with the status
             "event", and the event is its last output.
         once: only the first time is reported, and acts.
-        then: what is done there: `pt.Lock`, `pt.Release`, `pt.SetRates`, `pt.SetInput`, `pt.Stop`, or a list of these; or
-            a function f(t, state) of the state before, which returns one of the first four, a list, or None.
+        then: what is done there: `pt.Lock`, `pt.Release`, `pt.SetRates`, `pt.SetInput`, `pt.Stop`, or a list of these;
+            or a function f(t, state) of the state before, which returns one of the first four, a list, or None.
 
     Raises:
         ArgumentError: an argument is not as said.
@@ -157,10 +157,9 @@ class Event:
         name = self.name
         if not isinstance(name, str) or not name.strip() or name != name.strip() or not name.isprintable():
             raise ArgumentError(f"the name of an event is printable text, not {shown(name)}", argument="name")
-        try:
-            number = float(real(self.value))
-        except (TypeError, ValueError) as error:
-            self._refuse("value", f"is {shown(self.value)}; it must be a number", error)
+        number = _number(self.value)
+        if number is None:
+            self._refuse("value", f"is {shown(self.value)}; it must be a number")
         if not np.isfinite(number):
             self._refuse("value", f"is {number}; it must be finite")
         one_of("reads", self.reads, RATES)
@@ -191,8 +190,8 @@ class Event:
         if not isinstance(action, Action):
             self._refuse(
                 "then",
-                f"is {shown(action)}{how}; give pt.Lock, pt.Release, pt.SetRates, pt.SetInput, pt.Stop, a list of these, or a "
-                "function of (t, state)",
+                f"is {shown(action)}{how}; give pt.Lock, pt.Release, pt.SetRates, pt.SetInput, pt.Stop, a list of "
+                "these, or a function of (t, state)",
             )
         if isinstance(action, Stop):
             if self.direction == 0:
@@ -201,23 +200,32 @@ class Event:
                 )
             if len([x for x in self.then if isinstance(x, Stop)] if is_list(self.then) else ()) > 1:
                 self._refuse("then", "has two stops; give one")
-            number = action.restitution
-            if isinstance(number, bool) or not isinstance(number, int | float) or not 0.0 <= number <= 1.0:
-                self._refuse("then", f"has a restitution of {shown(number)}; it lies between 0 and 1")
+            number = _number(action.restitution)
+            if number is None or not 0.0 <= number <= 1.0:
+                self._refuse("then", f"has a restitution of {shown(action.restitution)}; it lies between 0 and 1")
         if isinstance(action, SetRates):
             if not isinstance(action.rates, Mapping) or not action.rates:
                 self._refuse("then", f"sets the rates {shown(action.rates)}; give a dict of joints and numbers")
             for joint, rate in action.rates.items():
-                if isinstance(rate, bool) or not isinstance(rate, int | float) or not np.isfinite(rate):
+                number = _number(rate)
+                if number is None or not np.isfinite(number):
                     self._refuse("then", f"sets the rate of {joint} to {shown(rate)}; it must be a finite number")
 
-    def _refuse(self, argument: str, sentence: str, cause: Exception | None = None) -> None:
-        raise ArgumentError(f'event "{self.name}": {argument} {sentence}', argument=argument) from cause
+    def _refuse(self, argument: str, sentence: str) -> NoReturn:
+        raise ArgumentError(f'event "{self.name}": {argument} {sentence}', argument=argument)
 
     @property
     def last(self) -> int | None:
         """Which of its occurrences ends a run, counted from 1."""
         return int(self.terminal) or None
+
+
+def _number(value: Any) -> float | None:
+    """One real number, whatever library it is of; None for all else."""
+    try:
+        return real(value)
+    except (TypeError, ValueError):
+        return None
 
 
 @dataclass(frozen=True)
@@ -261,7 +269,8 @@ def _event(given: Any, i: int) -> Event:
         # as SciPy has them
         name = str(getattr(given, "__name__", f"event {i}"))
         direction = getattr(given, "direction", 0)
-        sign = int(np.sign(direction)) if isinstance(direction, int | float) else direction
+        number = _number(direction)
+        sign = direction if number is None or np.isnan(number) else int(np.sign(number))
         return Event(name, given, direction=sign, terminal=getattr(given, "terminal", False))
     raise ArgumentError(
         f"events must be made of pt.Event or functions f(t, state), not {shown(given)}", argument="events"

@@ -135,6 +135,12 @@ def joint_units(joint: Mapping[str, Any]) -> tuple[list[str], list[str]]:
     return (slides + ["1"] * nq)[:nq], v_units
 
 
+def coordinate_axes(joint: Mapping[str, Any]) -> list[str]:
+    """Names of one joint's coordinates, in their order: slides, then angles or the quaternion of a spatial rotation."""
+    axes, (_, nq), (_, nv) = list(joint.get("axes", ())), joint["q"], joint["v"]
+    return axes if nq == nv else [*axes[: nv - 3], "qw", "qx", "qy", "qz"]
+
+
 def _unit_of(name: str) -> str:
     ending = name.rsplit(".", 1)[-1] if "." in name else ""
     if ending in ANGULAR:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import notebook
 from .errors import ArgumentError, UnknownNameError
-from .naming import Names, coordinate_units
+from .naming import Names, coordinate_axes, coordinate_units
 from .numeric import MaybeNone, floats, is_list, quaternion, real, shown
 from .sensing import Senses
 
@@ -68,10 +68,8 @@ class Layout:
     def _labels_of(self, joint: dict[str, Any]) -> tuple[list[str], list[str]]:
         """Names of the coordinates and of the velocities of a joint."""
         q, v = self._spans[joint["name"]]
-        axes = list(joint["axes"])
-        count = joint["q"][1]
         if q is None or v is None:
-            return axes if len(axes) == count else [f"q{i}" for i in range(count)], axes
+            return coordinate_axes(joint), list(joint["axes"])
         own = [name.rpartition(".")[2] for name in self.names[q[0] : sum(q)]]
         return own, [name.rpartition(".")[2] for name in self.velocity_names[v[0] : sum(v)]]
 
@@ -126,11 +124,11 @@ class Layout:
 
     def q(self, joint: Any) -> Span:
         """First index and number of the joint's coordinates in q."""
-        return self._find(joint)[0]
+        return self._find(joint, False)[0]
 
     def v(self, joint: Any) -> Span:
         """First index and number of the joint's velocities in v."""
-        return self._find(joint)[1]
+        return self._find(joint, True)[1]
 
     def place(self, key: Any, rates: bool) -> tuple[Any, int | None]:
         """The joint that `key` names, and which of its coordinates or velocities; None: all of them. A key is a joint,
@@ -157,16 +155,16 @@ class Layout:
         if span is not None and span[0] is None and self._read is not None:
             found = self._read(str(joint), t, q, v)[rates]
             return float(found[0]) if len(found) == 1 else found
-        return self.part(v if rates else q, self._find(joint)[rates], joint)
+        return self.part(v if rates else q, self._find(joint, rates)[rates], joint)
 
-    def _find(self, joint: Any) -> tuple[Span, Span]:
+    def _find(self, joint: Any, rates: bool) -> tuple[Span, Span]:
         name = str(joint)
         if name not in self._spans:
             known = list(self._spans)
             close = difflib.get_close_matches(name, known, n=1)
             if (owner := name.rpartition(".")[0]) in known:
-                axes = [f"{owner}.{axis}" for axis in dict.fromkeys([*self._axes[owner][0], *self._axes[owner][1]])]
-                hint = f'the joint "{owner}" has {", ".join(axes) or "no coordinates"}'
+                axes = [f"{owner}.{axis}" for axis in self._axes[owner][rates]]
+                hint = f'the joint "{owner}" has {", ".join(axes) or "no motion"}'
             else:
                 hint = f'did you mean "{close[0]}"?' if close else f"known joints: {', '.join(known) or 'none'}"
             raise UnknownNameError(f'there is no joint "{name}"; {hint}', name=name, known=known)

@@ -43,6 +43,8 @@ ARRAYS: list[Any] = [
     [True, False, True],
     ["1", "2", "3"],
     [None] * 3,
+    [10**400, 0.0, 0.0],
+    np.array(1.0),
     np.zeros((3, 3)),
     np.full((3, 3), 1e308),
     np.full((3, 3), NAN),
@@ -54,7 +56,7 @@ ARRAYS: list[Any] = [
 OTHERS: list[Any] = [
     None, "x", "", " ", "\0", "A", "q0", "ground", b"x", object(), {}, {"x": 1.0}, {"A": NAN}, {"A": "x"}, {1: 2},
     set(), range(0), lambda: 1.0, lambda *a: 1.0, lambda *a: None, int, Ellipsis, slice(1), np.datetime64("2020-01-01"),
-    ["A", "A"], ["x"], [1], "3 kg", ["1 mm", "2 rad", "3 kg"], "1e399 m", "5 N/m s",
+    {"A": 10**400}, ["A", "A"], ["x"], [1], "3 kg", ["1 mm", "2 rad", "3 kg"], "1e399 m", "5 N/m s",
 ]  # fmt: skip
 
 Call = tuple[Callable[..., Any], dict[str, Any]]

@@ -485,6 +485,21 @@ def test_stored_runs_have_their_impulses(tmp_path: Path, suffix: str) -> None:
     assert (copied.multipliers == run.multipliers).all()
 
 
+def test_numbers_of_actions_may_be_those_of_numpy() -> None:
+    m = door()
+    start = m.assemble({"A": -1.1})
+    runs = [
+        m.simulate(1.0, initial=start, events=[pt.Event("e", "A", value, direction=1, then=then)])
+        for value, then in ((-1.0, pt.SetRates({"A": 2})), (np.float32(-1), pt.SetRates({"A": np.int64(2)})))
+    ]
+    assert np.array_equal(runs[0].q, runs[1].q) and len(runs[0].events) == 1
+    bounced = [
+        m.simulate(1.0, initial=start, events=[pt.Event("e", "A", -1.0, direction=1, then=pt.Stop(number))])
+        for number in (0.5, np.float32(0.5), np.array([0.5]))
+    ]
+    assert all(np.array_equal(run.q, bounced[0].q) for run in bounced)
+
+
 def test_bad_actions_are_refused_by_name() -> None:
     m = door()
     for make, words in (
@@ -496,6 +511,7 @@ def test_bad_actions_are_refused_by_name() -> None:
         (lambda: pt.Event("e", "A", direction=1, then=[pt.Stop(0.5), pt.Stop(0.1)]), "two stops"),
         (lambda: pt.Event("e", "A", then=pt.SetRates({})), "rates"),
         (lambda: pt.Event("e", "A", then=pt.SetRates({"A": math.nan})), "finite"),
+        (lambda: pt.Event("e", "A", then=pt.SetRates({"A": 10**400})), "finite"),
         (lambda: m.stepper(0.1, events=[pt.Event("e", "A", then=pt.Lock("A"))]), "observe"),
         (lambda: m.simulate(1.0, locked=3), "locked"),
     ):

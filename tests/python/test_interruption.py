@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import pickle
 import sys
@@ -177,7 +178,7 @@ def test_ctrl_c_stops_a_compilation(caplog: pytest.LogCaptureFixture) -> None:
     m = folded_sheet(4, 4, 4)
     with pressed_after(0.3) as when, pytest.raises(KeyboardInterrupt):
         m.compile()
-    assert time.monotonic() - when[0] < 3.0
+    assert time.monotonic() - when[0] < 1.0
     begun = time.process_time()
     time.sleep(1.5)
     used = time.process_time()
@@ -188,3 +189,26 @@ def test_ctrl_c_stops_a_compilation(caplog: pytest.LogCaptureFixture) -> None:
     begun = time.process_time()
     assert small.compile().mobility == 1
     assert time.process_time() - begun < 10.0
+
+
+@pytest.mark.parametrize("far", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_joints_far_from_their_bodies_are_compiled_at_once(coordinates: str, far: float) -> None:
+    """A point elsewhere on its own axis changes nothing of a hinge, nor does the rounding of its axis over that arm."""
+    turn = np.linalg.qr(np.array([[0.3, -1.0, 0.2], [0.9, 0.4, 0.5], [-0.2, 0.6, 1.1]]))[0]
+    points = [turn @ p for p in ((0, 0, 0), (0, 1, 0), (3, 2, 0), (3, 0, 0))]
+    m = pt.Mechanism("four-bar", gravity=None)
+    bodies = [m.ground] + [m.add_rod(n, points[i], points[i + 1], 1.0) for i, n in enumerate("abc")] + [m.ground]
+    for i, name in enumerate("ABCD"):
+        point = points[i] + (far if name == "C" else 0.0) * turn[:, 2]
+        m.add_revolute(name, bodies[i], bodies[i + 1], point=point, axis=turn[:, 2])
+    begun = time.process_time()
+    assert m.compile(coordinates).mobility == 1
+    assert time.process_time() - begun < 2.0
+    # a head of a platform on six legs, far away: another mechanism, with a leg of that length
+    platform = pt.catalogue.load("stewart-sps")
+    platform.joints["head 5"].point = (far, 0.3 * far, -0.7 * far)
+    begun = time.process_time()
+    with contextlib.suppress(pt.errors.PartitaError):
+        platform.compile(coordinates)
+    assert time.process_time() - begun < 4.0

@@ -461,3 +461,22 @@ def test_one_velocity_of_a_joint_is_read_by_its_name() -> None:
         state.velocity(pt.Coordinate("F", 6))
     with pytest.raises(pt.errors.UnknownNameError, match=r'no joint "F\.wq"; the joint "F" has F\.x'):
         state.velocity("F.wq")
+    with pytest.raises(pt.errors.UnknownNameError, match=r'"F" has F\.x, F\.y, F\.z, F\.qw, F\.qx, F\.qy, F\.qz$'):
+        state.position("F.wz")
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+def test_coordinates_of_a_joint_have_one_name_in_the_state_or_not(coordinates: str) -> None:
+    """Of a joint that turns about all axes too: as target, rate, reading and in functions."""
+    m = pt.Mechanism("free", gravity=None)
+    m.add_body("body", mass=2.0, inertia=(1, 1, 1))
+    m.add_free("F", m.ground, "body")
+    state = m.assemble({"F.x": 0.3, pt.Coordinate("F", 1): "4 m"}, rates={"F.z": 2.0}, coordinates=coordinates)
+    assert [state.position(f"F.{axis}") for axis in ("x", "y", "z", "qw", "qx")] == [0.3, 4.0, 0.0, 1.0, 0.0]
+    assert state.position("F").tolist() == [0.3, 4.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    assert state.velocity("F.z") == pytest.approx(2.0, rel=1e-15)
+    # a spring of 8 N/m along x, whose law reads the joint: it swings at 2 rad/s
+    m.add_force("body", lambda t, s: (-8.0 * s.position("F.x"), 0.0, 0.0 * s.velocity("F.wz")), point=(0, 0, 0))
+    run = m.simulate(0.5, initial=state, t_eval=[0.0, 0.5], coordinates=coordinates)
+    assert run.state(0.5).position("F.x") == pytest.approx(0.3 * np.cos(1.0), abs=1e-8)
+    assert run.state(0.5).position("F.z") == pytest.approx(1.0, abs=1e-8)

@@ -1,9 +1,11 @@
-"""Drives by functions that only Python can evaluate: as right as with derivatives given, at three times the calls."""
+"""Drives and followers by functions that only Python can evaluate: as right as with derivatives, at three times the
+calls."""
 
 from __future__ import annotations
 
 import copy
 import math
+import pickle
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -17,6 +19,7 @@ from scipy.spatial.transform import Rotation
 import partita as pt
 from partita.builder.motion import Motion
 from partita.builder.pieces import Pieces, first_interval
+from partita.builder.taylor import Jet
 
 POINTS = ((0, 0), (0.4, 0), (1.2, 0.8), (1.1, 0))
 TIMES = np.linspace(-1.0, 4.0, 51)
@@ -250,5 +253,78 @@ def test_copies_have_their_own_pieces_and_the_same_numbers() -> None:
     motion = drive.motion.call  # type: ignore[union-attr]
     assert isinstance(motion, Motion)
     twin = copy.deepcopy(motion)
-    assert twin._pieces is None and twin(0.7) == motion(0.7)
+    assert twin._derived is None and twin(0.7) == motion(0.7)
     assert [note for note in m.simulate(0.1).notes if "good to about" in str(note)]
+
+
+LAWS: dict[str, tuple[Function, Function, Function]] = {
+    "sine": sine(0.1, 1.5),
+    "exponential": (lambda x: 0.05 * math.expm1(-x), lambda x: -0.05 * math.exp(-x), lambda x: 0.05 * math.exp(-x)),
+    "spline": spline(CubicSpline(np.linspace(-4.0, 4.0, 33), 0.1 * np.sin(np.linspace(-4.0, 4.0, 33)))),
+}
+
+
+class Known:
+    """A law with its derivatives, for numbers that carry theirs."""
+
+    def __init__(self, functions: tuple[Function, Function, Function]) -> None:
+        self.functions = functions
+
+    def __call__(self, x: Any) -> Any:
+        if isinstance(x, Jet):
+            return x.chain(*(f(x.x) for f in self.functions))
+        return self.functions[0](x)
+
+
+def follower(where: str, law: Any) -> pt.Mechanism:
+    """A crank under its weight, and what follows it: a slide by a cam, or along an axis of its joint."""
+    m = pt.Mechanism("follower")
+    m.add_rod("crank", start=(0, 0, 0), end=(0.3, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, "crank", point=(0, 0, 0))
+    m.add_body("slide", mass=0.5, inertia=(0.1, 0.1, 0.1))
+    if where == "cam":
+        m.add_prismatic("B", m.ground, "slide", axis=(1, 0, 0))
+        m.add_cam("B", "A", law)
+    else:
+        m.add_custom_joint("B", "crank", "slide", point=(0, 0, 0), free=["rz"], follows={"x": law})
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("where", ["cam", "joint"])
+@pytest.mark.parametrize("name", LAWS)
+def test_what_follows_by_an_opaque_law_does_so_at_three_times_its_calls(
+    name: str, where: str, coordinates: str
+) -> None:
+    functions, counts, ends = LAWS[name], list[int](), list[Any]()
+    begins = functions[0](0.0)  # zero as drawn
+    for known in (True, False):
+        calls = list[float]()
+        law = counted(lambda x: functions[0](x) - begins, calls)
+        m = follower(where, Known((law, *functions[1:])) if known else law)
+        start = m.assemble(rates={"A": 1.0, "B.rz": 2.0} if where == "joint" else {"A": 1.0}, coordinates=coordinates)
+        calls.clear()
+        run = m.simulate(0.6, initial=start, t_eval=np.linspace(0.0, 0.6, 13))
+        assert run.success, run.message
+        counts.append(len(calls))
+        ends.append(run.joint("B").position[-1])
+        lead = run.joint("A" if where == "cam" else "B")
+        x, rate, change = (getattr(lead, what)[:, -1] for what in ("position", "velocity", "acceleration"))
+        f, first, second = (np.array([g(value) for value in x.tolist()]) for g in functions)
+        led = run.joint("B")
+        assert led.position[:, 0] == pytest.approx(f - begins, abs=1e-9)
+        assert led.velocity[:, 0] == pytest.approx(first * rate, abs=1e-9)
+        assert led.acceleration[:, 0] == pytest.approx(second * rate**2 + first * change, abs=1e-7)
+    assert counts[1] <= 3 * counts[0]
+    assert ends[1] == pytest.approx(ends[0], abs=1e-6)
+
+
+def test_a_law_of_one_number_travels_and_has_pieces_of_its_own() -> None:
+    m = follower("cam", math.sin)
+    (coupling,) = m._description.couplings.values()
+    call = coupling.data["function"].call
+    right = [0.2 - math.sin(0.7), 0.0, math.sin(0.7) * 9.0, 1.0, -math.cos(0.7)]
+    for law in (call, copy.deepcopy(call), pickle.loads(pickle.dumps(call))):
+        assert law(0.0, [0.2, 0.7], [1.0, 3.0]) == pytest.approx(right, abs=1e-8)
+        assert len(law.notes) == 1 and "good to about" in law.notes[0]
+    assert call._derived is not copy.deepcopy(call)._derived

@@ -347,3 +347,71 @@ def test_where_repaired_dimensions_decide_the_branch_the_run_is_suspect(off: flo
     with pytest.warns(pt.errors.SuspectResultWarning, match="branches that meet there in an exact drawing"):
         run = m.simulate(3.0, initial=m.assemble(rates={"A": -1.0}), coordinates=coordinates)
     assert run.success and run.certificate.verdict == "suspect"
+
+
+TURN, _ = np.linalg.qr(np.array([[0.3, -1.0, 0.2], [0.9, 0.4, 0.5], [-0.2, 0.6, 1.1]]))
+
+
+def meeting(a: Array, b: Array, from_a: float, from_b: float) -> Array:
+    """Where two circles in the plane meet, on the left of the line from `a` to `b`."""
+    along = (b - a) / np.linalg.norm(b - a)
+    apart = float(np.linalg.norm(b - a))
+    foot = (apart**2 + from_a**2 - from_b**2) / (2.0 * apart)
+    return a + foot * along + math.sqrt(from_a**2 - foot**2) * np.array([-along[1], along[0], 0.0])
+
+
+def turned(v: Array, angle: float, size: float) -> Array:
+    c, s = size * math.cos(angle), size * math.sin(angle)
+    return np.array([c * v[0] - s * v[1], s * v[0] + c * v[1], 0.0])
+
+
+def six_bar(dyads: int, digits: int = 17) -> pt.Mechanism:
+    """A Watt six-bar whose last dyad is there once, or twice side by side with half the mass; points rounded."""
+    a, d = np.zeros(3), np.array([1.0, 0.0, 0.0])
+    b = 0.6 * np.array([math.cos(1.76), math.sin(1.76), 0.0])
+    c = meeting(b, d, 0.888, 1.285)
+    e, f = b + turned(c - b, 0.45, 0.777), d + turned(c - d, 0.0825, 0.66)
+    g = meeting(e, f, 1.176, 0.813)
+    m = pt.Mechanism("six-bar", gravity=tuple(TURN @ [0.0, -9.81, 0.0]))
+
+    def at(p: Array, side: float = 0.0) -> Array:
+        return (TURN @ (p + np.array([0.0, 0.0, side]))).round(digits)
+
+    m.add_rod("crank", start=at(a), end=at(b), mass=1.0)
+    m.add_body("coupler", mass=1.0, inertia=(0.1, 0.1, 0.1), position=at((b + c + e) / 3))
+    m.add_body("rocker", mass=1.0, inertia=(0.1, 0.1, 0.1), position=at((c + d + f) / 3))
+    joints = [("A", "ground", "crank", at(a)), ("B", "crank", "coupler", at(b)), ("C", "coupler", "rocker", at(c))]
+    joints += [("D", "ground", "rocker", at(d))]
+    for k in range(dyads):
+        side, mass = 0.25 * k, 2.0 / dyads
+        m.add_rod(f"e{k}", start=at(e, side), end=at(g, side), mass=mass)
+        m.add_rod(f"f{k}", start=at(f, side), end=at(g, side), mass=mass)
+        joints += [(f"E{k}", "coupler", f"e{k}", at(e, side)), (f"F{k}", "rocker", f"f{k}", at(f, side))]
+        joints += [(f"G{k}", f"e{k}", f"f{k}", at(g, side))]
+    for name, parent, child, point in joints:
+        m.add_revolute(name, parent, child, point=point, axis=TURN[:, 2])
+    return m
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("digits", [6, 8])
+def test_a_doubled_dyad_that_was_rounded_turns_back_with_a_note(digits: int, coordinates: str) -> None:
+    """Two equal dyads side by side move as one; as they are stretched out either could fold the other way. Of unequal
+    lengths they pass that position by."""
+    t = np.linspace(0.0, 1.0, 21)
+
+    def run_of(m: pt.Mechanism) -> pt.Result:
+        return m.simulate(1.0, initial=m.assemble(rates={"A": 3.0}), t_eval=t, coordinates=coordinates)
+
+    one, exact, rounded = (run_of(six_bar(*given)) for given in ((1,), (2,), (2, digits)))
+    assert one.success and exact.success and rounded.success
+    assert crossed(exact) == 1
+    (passed,) = times_of(exact)
+    angles = [run.joint("A").position[:, 0] for run in (one, exact, rounded)]
+    assert np.abs(angles[1] - angles[0]).max() < 1e-6
+    before = t < passed
+    assert np.abs(angles[2] - angles[0])[before].max() < 100.0 * 10.0**-digits < np.abs(angles[2] - angles[0]).max()
+    (note,) = [note for note in rounded.notes if "comes as near as" in note]
+    assert abs(float(note.split(" at t = ")[1].split()[0]) - passed) < 1e-3
+    distance = float(note.split("comes as near as ")[1].split()[0])
+    assert 0.03 < distance / math.sqrt(10.0**-digits) < 3.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import partita as pt
 
@@ -101,3 +102,37 @@ def test_universal_joint_in_a_planar_loop() -> None:
     for name in "ABCD":
         assert run.joint(name).determined[:2].all(), name  # forces in the plane follow from the motion
         assert not run.joint(name).determined[2], name  # forces across it do not: any could carry them
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("bearings", [0.0, 0.3])
+def test_what_is_determined_of_a_double_cardan_shaft(bearings: float, coordinates: str) -> None:
+    """At 12 rad/s: the middle spins about a line at rest, faster and slower; the motor changes its energy alone, and
+    a cross takes no moment about its pins, so that its moment is along their common normal."""
+    bend, rate, inertia = 0.5, 12.0, 0.2
+    along = np.array([np.cos(bend), np.sin(bend), 0.0])
+    beside = np.array([-np.sin(bend), np.cos(bend), 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    m = pt.Mechanism("double Cardan", gravity=(0.0, -9.81, 0.0))
+    about = (inertia, 0.1, 0.1)
+    m.add_body("in", mass=1.0, inertia=about)
+    m.add_body("middle", 1.0, about, position=0.5 * along, orientation=np.array([along, beside, up]).T)
+    m.add_body("out", mass=1.0, inertia=about, position=along)
+    m.add_revolute("A", m.ground, "in", point=(-bearings, 0, 0), axis=(1, 0, 0))
+    m.add_universal("U", "in", "middle", point=(0, 0, 0), axis1=up, axis2=beside)
+    m.add_universal("V", "middle", "out", point=along, axis1=beside, axis2=up)
+    m.add_revolute("B", m.ground, "out", point=along + bearings * np.eye(3)[0], axis=(1, 0, 0))
+    m.add_drive("A", velocity=rate, name="motor")
+    t = np.linspace(0.0, 1.0, 41)
+    run = m.simulate(1.0, t_eval=t, coordinates=coordinates, rtol=1e-11, atol=1e-13)
+    assert run.success and run.joint("U").determined[3:].all()
+    angle, bent = rate * t, np.sin(bend) ** 2
+    share = 1.0 - bent * np.sin(angle) ** 2
+    spin = rate * np.cos(bend) / share
+    faster = rate**2 * np.cos(bend) * bent * np.sin(2.0 * angle) / share**2
+    effort = inertia * spin * faster / rate
+    first = np.stack([0.0 * angle, -np.sin(angle), np.cos(angle)], axis=1)
+    normal = np.cross(first, np.cross(first, along))  # of both pins: the second is across the middle
+    assert run.drive("motor").effort[:, 0] == pytest.approx(effort, abs=1e-10)
+    moment = normal * (effort / normal[:, 0])[:, None]
+    np.testing.assert_allclose(run.joint("U").moment, moment, rtol=0.0, atol=1e-8)

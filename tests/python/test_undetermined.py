@@ -401,3 +401,57 @@ def test_what_couplings_alone_leave_open_is_shared_by_the_rule(order: int, coord
     # force is 15.84 N); of these the least fz^2 + (mx / L)^2 with L^2 = 0.1 m^2
     assert stresses.length == pytest.approx(math.sqrt(0.1), rel=1e-12)
     assert [fz, mx] == pytest.approx([-0.09 / 1.4, -0.045 / 1.4], rel=1e-9)
+
+
+Gradients = dict[str, tuple[float, float, float]]
+
+
+def ring_of_gears(m: pt.Mechanism, order: int) -> tuple[Gradients, list[float]]:
+    """Three shafts, each geared to both others: the gradients of the gears and the inertias."""
+    for i in range(3)[::order]:
+        m.add_body(f"w{i}", mass=1.0 + i, inertia=(0.1, 0.1, 0.02 * (i + 1)), position=(0.5 * i, 0, 0))
+        m.add_revolute(f"P{i}", m.ground, f"w{i}", point=(0.5 * i, 0, 0))
+    for name, ratio in (("01", -2.0), ("12", -0.5), ("02", 1.0))[::order]:
+        m.add_gear(f"P{name[0]}", f"P{name[1]}", ratio=ratio, name=name)
+    gradients = {"01": (2.0, 1.0, 0.0), "12": (0.0, 0.5, 1.0), "02": (-1.0, 0.0, 1.0)}
+    return gradients, [0.02, 0.04, 0.06]
+
+
+def coupled_slides(m: pt.Mechanism, order: int) -> tuple[Gradients, list[float]]:
+    """Three slides and four couplers, of which two would do."""
+    for i in range(3)[::order]:
+        m.add_body(f"w{i}", mass=1.0 + i, inertia=(0.1, 0.1, 0.1), position=(0, 0.3 * i, 0))
+        m.add_prismatic(f"P{i}", m.ground, f"w{i}", point=(0, 0.3 * i, 0), axis=(1, 0, 0))
+    gradients = {"01": (1.0, -1.0, 0.0), "12": (0.0, 1.0, -2.0), "02": (3.0, 0.0, -6.0), "all": (1.0, 1.0, -4.0)}
+    for name in [*gradients][::order]:
+        chosen = [i for i in range(3) if gradients[name][i]]
+        m.add_coupler(name, [f"P{i}" for i in chosen], [gradients[name][i] for i in chosen])
+    return gradients, [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("coordinates", ["relative", "absolute"])
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("draw", [ring_of_gears, coupled_slides])
+def test_what_no_joint_feels_is_shared_by_what_couplings_exert(draw: Any, order: int, coordinates: str) -> None:
+    """Efforts e of conditions with gradients g put g e on the shafts. Of all that move them so, those with the least
+    sum of |g e|^2, whatever was added first, and however long a gradient is."""
+    m = pt.Mechanism("coupled", gravity=None)
+    gradients, inertias = draw(m, order)
+    m.add_torque("P0", 1.3)
+    run = m.simulate(0.1, t_eval=[0.0, 0.1], coordinates=coordinates)
+    assert run.success
+    g = np.array([gradients[name] for name in gradients]).T
+    _, _, rows = np.linalg.svd(g.T)
+    free = rows[-1]  # the motion that the couplings leave
+    change = free * (1.3 * free[0]) / (free * inertias @ free)
+    needed = change * inertias - [1.3, 0.0, 0.0]
+    sizes = np.linalg.norm(g, axis=0)
+    right = np.linalg.lstsq(g / sizes, needed, rcond=1e-10)[0] / sizes
+    for name, effort in zip(gradients, right, strict=True):
+        found = run.coupling(name)
+        assert found.effort[-1].item() == pytest.approx(effort, abs=1e-9) and not np.any(found.determined)
+    # and of one instant, by the equations of the shafts
+    if coordinates == "relative":
+        model, state = m.compile(), m.assemble()
+        instant = model.at(state.q, state.v, 0.0)
+        assert sorted(instant.multipliers) == pytest.approx(sorted(right), abs=1e-9)

@@ -11,7 +11,8 @@
 //! moments about the joint's point by 1/L², L the typical length of a body: a number without units, the same in all
 //! axes and for every choice of coordinates, cuts and rows. With compliances of the joints it is twice their elastic
 //! energy, so that w* are the reactions of rigid bodies on elastic joints (Castigliano). Either way w* moves
-//! continuously with the mechanism, and what every self-stress leaves alone is left alone.
+//! continuously with the mechanism, and what every self-stress leaves alone is left alone. Where self-stresses load no
+//! joint (gears that hold one another), the efforts of couplings and drives among them are least in the same sense.
 
 use crate::error::AnalysisError;
 use crate::geometry::{in_space, lifted, Geometry, GeometryScratch};
@@ -33,6 +34,7 @@ use partita_system::SystemError;
 use std::collections::HashMap;
 
 mod base;
+mod efforts;
 mod weighed;
 
 pub use base::{self_stresses, SelfStresses};
@@ -138,14 +140,14 @@ impl<'g, 'm> Sharing<'g, 'm> {
         joints: &mut [Wrench],
         mut condition: impl FnMut(usize, f64),
         memory: &mut SharingScratch,
-    ) -> Result<(), AnalysisError> {
+    ) -> Result<bool, AnalysisError> {
         let finite = joints.iter().all(|w| w.force.norm().is_finite() && w.moment.norm().is_finite());
         if self.is_idle() || !finite {
-            return Ok(());
+            return Ok(false);
         }
         self.stresses(t, q, memory)?;
         if !self.rows(q, memory) {
-            return Ok(());
+            return Ok(true);
         }
         let SharingScratch { stresses, rows, solver, damping, along, work, y, z, .. } = memory;
         let mut first = 0.0;
@@ -155,7 +157,7 @@ impl<'g, 'm> Sharing<'g, 'm> {
             work.extend((0..rows.scales.len()).map(|i| rows.row(i).map(|(j, x)| x * along[j]).sum::<f64>()));
             if pass == 0 {
                 if work.iter().all(|x| *x == 0.0) {
-                    return Ok(());
+                    return Ok(true);
                 }
                 damping.resize(rows.scales.len(), tolerance::DAMPING);
                 y.resize(rows.cols, 0.0);
@@ -182,6 +184,27 @@ impl<'g, 'm> Sharing<'g, 'm> {
             if size <= tolerance::SUM_ROUNDING * first {
                 break;
             }
+        }
+        Ok(true)
+    }
+
+    /// Both parts of the rule: reactions of the joints, then efforts of `lambda` that no joint feels, where `own` is the
+    /// multiplier of a row of the mechanism in space.
+    fn share_all(
+        &self,
+        (t, q): (f64, &[f64]),
+        joints: &mut [Wrench],
+        own: &dyn Fn(usize) -> Option<usize>,
+        lambda: &mut [f64],
+        memory: &mut SharingScratch,
+    ) -> Result<(), AnalysisError> {
+        let condition = |row: usize, x: f64| {
+            if let Some(i) = own(row) {
+                lambda[i] += x;
+            }
+        };
+        if self.share(t, q, joints, condition, memory)? {
+            efforts::share((&memory.pose, &memory.stresses), self.system.model.length(), own, lambda)?;
         }
         Ok(())
     }
@@ -271,16 +294,18 @@ pub fn multipliers(
     }
     let mut s = model.scratch();
     let given = model.equations().reactions(t, q, v, vdot, lambda, s.equations())?;
-    let mut wanted = given.joints.clone();
+    let (mut wanted, mut shared) = (given.joints.clone(), lambda.to_vec());
     with_rule(model, Some((t, q)), |rule| match rule {
-        Some(rule) => rule.share(t, q, &mut wanted, &mut lambda.to_vec(), &mut rule.memory()),
+        Some(rule) => rule.share(t, q, &mut wanted, &mut shared, &mut rule.memory()),
         None => Ok(()),
     })?;
     let length = model.length();
+    let conditions = model.closing_rows.min(lambda.len())..lambda.len();
     let components = |joints: &[Wrench]| -> Vec<f64> {
         joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.times(1.0 / length).0)).collect()
     };
-    let change: Vec<f64> = components(&wanted).iter().zip(components(&given.joints)).map(|(x, y)| x - y).collect();
+    let mut change: Vec<f64> = components(&wanted).iter().zip(components(&given.joints)).map(|(x, y)| x - y).collect();
+    change.extend(conditions.clone().map(|i| shared[i] - lambda[i]));
     // a self-stress for each row left out, in multipliers of this model's rows
     let mut stresses = Vec::with_capacity(dropped.len());
     let mut wrenches = Matrix::new(change.len(), dropped.len());
@@ -290,7 +315,8 @@ pub fn multipliers(
         let mut n = vec![0.0; lambda.len()];
         n[row] = 1.0;
         split.rows.iter().zip(kept).for_each(|(&i, x)| n[i] = x);
-        let w = components(&model.equations().wrenches_of(q, &n, s.equations()));
+        let mut w = components(&model.equations().wrenches_of(q, &n, s.equations()));
+        w.extend(&n[conditions.clone()]);
         let size = w.iter().map(|x| x * x).sum::<f64>().sqrt();
         if size > 0.0 {
             n.iter_mut().for_each(|x| *x /= size);
@@ -339,18 +365,14 @@ impl<'a> Rule<'a> {
         lambda: &mut [f64],
         memory: &mut SharingScratch,
     ) -> Result<(), AnalysisError> {
-        let condition = |row: usize, x: f64| {
-            if let Some(own) = self.rows[row] {
-                lambda[own] += x;
-            }
-        };
+        let own = |row: usize| self.rows[row];
         if self.model.needs_turns() {
             let (twin, q) = in_space(self.model, q)?;
             let system = Geometry::of_reactions(self.model, &twin);
             let sharing = Sharing::new(&system, t, &q)?;
-            return sharing.share(t, &q, joints, condition, &mut sharing.memory());
+            return sharing.share_all((t, &q), joints, &own, lambda, &mut sharing.memory());
         }
-        self.sharing.share(t, &lifted(self.model, self.twin, q), joints, condition, memory)
+        self.sharing.share_all((t, &lifted(self.model, self.twin, q)), joints, &own, lambda, memory)
     }
 }
 

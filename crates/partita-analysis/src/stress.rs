@@ -177,6 +177,33 @@ impl<'m> Pose<'m> {
         Ok(())
     }
 
+    /// What a unit effort of a condition exerts, component by component: efforts along velocities, then the wrenches between
+    /// bodies; moments over `length`.
+    pub(crate) fn exerted(&self, row: usize, length: f64, mut on: impl FnMut(usize, f64)) -> Result<(), SystemError> {
+        let (mut pushed, mut taken) = (Vec::new(), Vec::new());
+        let (t, q) = &self.at;
+        self.model.equations().apply_condition(
+            &self.tree,
+            (*t, q),
+            (row, 1.0),
+            |_, w, _| pushed.extend(w.force.0.into_iter().chain(w.moment.times(1.0 / length).0)),
+            |v, effort| taken.push((v, effort)),
+        )?;
+        let nv = self.model.size().nv;
+        pushed.into_iter().enumerate().for_each(|(i, x)| on(nv + i, x));
+        taken.into_iter().for_each(|(v, x)| on(v, if self.turns(v) { x / length } else { x }));
+        Ok(())
+    }
+
+    /// Whether a velocity of a joint is that of a rotation.
+    fn turns(&self, v: usize) -> bool {
+        let placed = self.model.zero_position();
+        placed.joints.iter().flat_map(|p| p.shape.motions.iter().zip(p.links.iter().flatten())).any(|(motion, &l)| {
+            let first = placed.links[l].v;
+            (first..first + motion.velocities()).contains(&v) && !matches!(motion, Motion::Slide(_))
+        })
+    }
+
     /// Joint wrenches of the multipliers `(row, λ)`, by number of the joint; moments are collected about the point of one and
     /// then reduced.
     fn wrenches(

@@ -331,9 +331,8 @@ impl Motion {
     /// Effect of applied force `number` of the description.
     fn load<'py>(&self, py: Python<'py>, number: usize) -> PyResult<Bound<'py, PyDict>> {
         let (_, n) = self.model.load_number(number).map_err(|e| failure::description(py, &e))?;
-        let found = self.of_states_apart(py, |m, states, _| {
-            Ok(watched(py, |watch| outputs::load(m, states, number, watch))?.0)
-        })?;
+        let found = self
+            .of_states_apart(py, |m, states, _| Ok(watched(py, |watch| outputs::load(m, states, number, watch))?.0))?;
         let shapes: [(&str, &[usize]); 6] = [
             ("power", &[]),
             ("potential", &[]),
@@ -347,7 +346,8 @@ impl Motion {
 
     /// Kinetic and potential energy.
     fn energies<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let found = self.of_states_apart(py, |m, states, _| watched(py, |watch| outputs::energies(m, states, watch)))?;
+        let found =
+            self.of_states_apart(py, |m, states, _| watched(py, |watch| outputs::energies(m, states, watch)))?;
         named(py, self.count(py)?, found, &[("kinetic", &[]), ("potential", &[])])
     }
 

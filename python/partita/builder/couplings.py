@@ -27,7 +27,7 @@ from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, mea
 from .name_first import name_first
 from .points import point_on
 from .records import Coupling, CouplingRecord, Joint
-from .relations import Follows, Law, Profile, RateLaw
+from .relations import Follower, Law, Profile, RateLaw
 from .values import Function, is_table, table
 
 MOST = 12
@@ -258,7 +258,7 @@ def add_cam(
     terms = _terms(self, element, [follower, cam])
     if callable(law):
         takes(element, "law", law, "one argument, the reading of the cam", 1)
-        function = Function(Law(element, Follows(law), None))
+        function = Function(Follower(element, law))
         data = {"function": function, "like": 0}
         made = _store(self, CouplingRecord(element.name, "function", str(word), tuple(terms), data))
         return _recorded_as(self, made, "add_cam", follower=terms[0], cam=terms[1], law=law, word=str(word))

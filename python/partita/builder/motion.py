@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,18 +54,57 @@ ANOTHER = 1e-4
 it is given with five digits."""
 
 
+class Derivatives(NamedTuple):
+    """f, f', f'' at one place, and the error of the last; None: all are exact."""
+
+    value: float
+    first: float
+    second: float
+    error: float | None
+
+
+class Differentiated:
+    """A function of one number with its derivatives: exactly, by evaluating it on a `Jet`, and where it refuses one
+    (`math.sin`, interpolators) from polynomials in `Pieces` through its values, of which one at the place itself is
+    always taken. Where it is not smooth enough for these, `rough` decides. The method is selected at each place
+    independently of earlier calls. `plainly`: its value, checked."""
+
+    def __init__(
+        self,
+        function: Callable[[Any], Any],
+        plainly: Callable[[float], float],
+        rough: Callable[[float], tuple[float, float, float, float]],
+    ) -> None:
+        self._function, self._plainly, self._rough = function, plainly, rough
+        self._refusals = Refusals(lambda s: _exactly(function, s), plainly)
+        self._pieces = Pieces(lambda s: np.array([plainly(s)]), np.zeros(1))
+
+    def at(self, t: float) -> Derivatives:
+        """All of them at `t`."""
+        if not self._refusals.at(t):
+            try:
+                return Derivatives(*_exactly(self._function, t), None)
+            except Exception:  # whatever a user's function raises for a type of number that it does not know
+                pass
+        value = self._plainly(t)
+        if not finite((value,)):
+            return Derivatives(value, value, value, 0.0)
+        found = self._pieces.at(t, np.array([value]))
+        if found is None:
+            return Derivatives(*self._rough(t))
+        return Derivatives(value, float(found.first[0]), float(found.second[0]), float(found.error[0]))
+
+
 class Motion:
     """f(t) -> (position, velocity, acceleration), in the form that the core needs.
 
-    Missing derivatives are computed: exactly by evaluating f on a `Jet`, and where f refuses one (`math.sin`,
-    interpolators) from polynomials in `Pieces` through its values, of which one at t is always taken. Where it is not
-    smooth enough for these, by central differences with the step that shows the smallest error. `notes` reports that.
+    Missing derivatives are computed, see `Differentiated`; of a function that is not smooth enough for that by central
+    differences with the step that shows the smallest error. `notes` reports that they are not exact.
     """
 
     def __init__(self, element: Element, position: TimeFunction, velocity: Any, acceleration: Any) -> None:
         self.element, self.notes = element, list[str]()
-        self._pieces: Pieces | None = None
-        self._refusals: Refusals | None = None
+        self._derived: Differentiated | None = None
         self.position, self.velocity, self.acceleration = position, velocity, acceleration
         for function in (position, velocity, acceleration):
             if function is not None:
@@ -107,12 +146,12 @@ class Motion:
     def __getstate__(self) -> dict[str, Any]:
         for what in ("position", "velocity", "acceleration"):
             check_picklable(self.element, f"function of the {what}", getattr(self, what))
-        return {**self.__dict__, "_pieces": None, "_refusals": None}
+        return {**self.__dict__, "_derived": None}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Motion:
         """With the same functions, which were tried before: Python copies functions as themselves."""
         twin = Motion.__new__(Motion)
-        twin.__dict__.update(self.__dict__, notes=list(self.notes), _pieces=None, _refusals=None)
+        twin.__dict__.update(self.__dict__, notes=list(self.notes), _derived=None)
         return twin
 
     def __call__(self, t: float) -> tuple[float, float, float]:
@@ -188,31 +227,15 @@ class Motion:
             ) from error
 
     def _derive(self, function: TimeFunction, t: float) -> tuple[float, float, float]:
-        """f, f', f'' at t. The method is selected at each time independently of earlier calls."""
-        if self._refusals is None:
-            self._refusals = Refusals(lambda s: _exactly(function, s), lambda s: self._plain(function, s))
-        if not self._refusals.at(t):
-            try:
-                return _exactly(function, t)
-            except Exception:  # whatever a user's function raises for a type of number that it does not know
-                pass
-        result = self._of_values(function, t)
-        if not self.notes:
-            self._warn(result[3], t)
-        return result[:3]
-
-    def _of_values(self, function: TimeFunction, t: float) -> tuple[float, float, float, float]:
-        """f, f', f'' and the error of the latter, from values alone. Only one of the functions has none of its
-        derivatives given, so one set of pieces is enough."""
-        value = self._plain(function, t)
-        if not finite((value,)):
-            return value, value, value, 0.0
-        if self._pieces is None:
-            self._pieces = Pieces(lambda s: np.array([self._plain(function, s)]), np.zeros(1))
-        found = self._pieces.at(t, np.array([value]))
-        if found is None:
-            return self._differences(function, t)
-        return value, float(found.first[0]), float(found.second[0]), float(found.error[0])
+        """f, f', f'' at t. Only one of the functions has none of its derivatives given."""
+        if self._derived is None:
+            self._derived = Differentiated(
+                function, lambda s: self._plain(function, s), lambda s: self._differences(function, s)
+            )
+        found = self._derived.at(t)
+        if found.error is not None and not self.notes:
+            self._warn(found.error, t)
+        return found[:3]
 
     def _differences(self, function: TimeFunction, t: float) -> tuple[float, float, float, float]:
         """`differences`, with a message for a function that ends at t."""

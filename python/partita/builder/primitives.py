@@ -17,7 +17,7 @@ from .checks import Element, choice, direction, number, takes
 from .drawing import Drawing
 from .joints import DIRECTIONS, BodyLike, directions, joint_element, store_joint
 from .records import Joint
-from .relations import Follows, Law
+from .relations import Follower
 from .values import Function
 
 
@@ -79,7 +79,8 @@ def add_custom_joint(
         free: the coordinates, some of "x", "y", "z", "rx", "ry", "rz".
         follows: for each dependent direction, its function of the free coordinates in the order of this list: {"x":
             lambda rz: ...} in m or rad, 0 where all of them are 0. It must be twice differentiable; its derivatives are
-            exact if it uses only arithmetic and NumPy functions, otherwise central differences, which a note reports.
+            exact if it uses only arithmetic and NumPy functions, otherwise those of polynomials through its values or
+            differences of high order, which a note reports.
             At most two rotations may be free or dependent.
         point, frame, child_point, child_frame, cut: as in `add_joint`.
 
@@ -130,12 +131,12 @@ def add_custom_joint(
     )
 
 
-def _follower(element: Element, direction: str, function: Any, count: int) -> Law:
+def _follower(element: Element, direction: str, function: Any, count: int) -> Follower:
     """A function that can be evaluated as drawn, where it is 0."""
     if not callable(function):
         element.fail(f"{direction} must follow by a function of the free coordinates, not {function!r}")
     takes(element, f"the function of {direction}", function, f"the free coordinates, {count} of them", count)
-    law = Law(element, Follows(function), None)
+    law = Follower(element, function)
     value = law(0.0, [0.0] * (1 + count), [0.0] * (1 + count))[0]
     if abs(value) > EQUAL:
         element.fail(f"{direction} is {-value:g} where the free coordinates are 0, as drawn; it must be 0 there")

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import EvaluationError
 from ..state import Layout
 from .checks import Element
-from .motion import ANOTHER, RoughError, differences
+from .motion import ANOTHER, Differentiated, RoughError, differences
 from .taylor import Jet
 from .travelling import check_picklable
 from .values import finite, one_number
@@ -122,17 +122,27 @@ class Law:
             found = found if isinstance(found, Jet) else Jet(one_number(found))
             return found.x, found.d1, found.d2, 0.0
         except Exception:  # whatever a user's function does when it meets a number of a kind it does not know
-            try:
-                found = differences(lambda s: self._number(at(s, self.function), t), 0.0, scale)
-            except RoughError as rough:
-                raise self._error(t, f"the function is not smooth here: {rough}") from rough
+            found = self._differences(lambda s: self._number(at(s, self.function), t), 0.0, t, scale)
+        self._note(found[3])
+        return found
+
+    def _differences(
+        self, function: Callable[[float], float], x: float, t: float, scale: float = 0.0
+    ) -> tuple[float, float, float, float]:
+        """`differences`, with a message for a function that is rough."""
+        try:
+            return differences(function, x, scale)
+        except RoughError as rough:
+            raise self._error(t, f"the function is not smooth here: {rough}") from rough
+
+    def _note(self, error: float) -> None:
+        """Report once that derivatives are not exact."""
         if not self.notes:
             self.notes.append(
                 f'{self.element.kind} "{self.element.name}": the function could not be differentiated exactly, so its '
-                f"derivatives are central differences of order 8, good to about {found[3]:.0e} in the second "
+                f"derivatives are differences of high order of its values, good to about {error:.0e} in the second "
                 "derivative; use NumPy functions (np.sin instead of math.sin)"
             )
-        return found
 
     def _smooth(self, value: float, slope: float, error: float, size: float, t: float) -> None:
         """Refuse a function with a jump or a kink. A condition and its slope along the motion are zero where it holds
@@ -169,8 +179,51 @@ class Law:
         return EvaluationError(f'{self.element.kind} "{name}" at t = {t:g} s: {sentence}', t=t, where=name)
 
 
-class Follows:
-    """The constraint of a follower: y - law(x1, x2, ...)."""
+class Follower(Law):
+    """The constraint of a follower: y - law(x1, x2, ...). A law of one number is evaluated at that number, most often
+    once, where a function of several is at neighbours along each."""
+
+    def __init__(self, element: Element, law: Callable[..., Any]) -> None:
+        super().__init__(element, _Left(law), None)
+        self._law, self._derived = law, self._differentiated(law)
+
+    def _differentiated(self, law: Callable[..., Any]) -> Differentiated:
+        """At t = 0 where it fails: a law does not depend on time, and the core names it during a run."""
+        return Differentiated(law, self._value, lambda x: self._roughly(x, 0.0))
+
+    def __getstate__(self) -> dict[str, Any]:
+        check_picklable(self.element, "function", self._law)
+        return {**super().__getstate__(), "_derived": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _derived=self._differentiated(state["_law"]))
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Follower:
+        twin = Follower(self.element, self._law)
+        twin.notes = list(self.notes)
+        return twin
+
+    def _answer(self, t: float, at: list[float], along: list[float]) -> list[float]:
+        if len(at) != 2:
+            return super()._answer(t, at, along)
+        (y, x), rate = at, along[1]
+        value, slope, bend, error = self._derived.at(x)
+        if error is not None:
+            self._note(error)
+        return self._finite([y - value, 0.0, -bend * rate * rate, 1.0, -slope], t)
+
+    def _value(self, x: float) -> float:
+        return self._number(self._law(x), 0.0)
+
+    def _roughly(self, x: float, t: float) -> tuple[float, float, float, float]:
+        """By differences, if it is smooth."""
+        value, slope, bend, error = self._differences(self._value, x, t)
+        self._smooth(value, slope, error, abs(slope), t)
+        return value, slope, bend, error
+
+
+class _Left:
+    """What a law leaves of the follower's coordinate."""
 
     def __init__(self, law: Callable[..., Any]) -> None:
         self.law = law

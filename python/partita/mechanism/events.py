@@ -19,7 +19,7 @@ from ..builder.sensors import Reading, Sensor, known_expression
 from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetInput, SetRates, Stop, called, listed
 from ..events import observed as written
 from ..naming import index_of
-from ..numeric import shown
+from ..numeric import real, shown
 from ..results.sensor import LiveSensors
 from ..results.source import ModelSource
 from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
@@ -222,7 +222,7 @@ class _Actions:
     def _rate(self, event: Event, joint: Any, rate: float) -> list[Any]:
         measured = measure(self._mechanism, Element("event", event.name), joint)
         self._refuse_parted("sets a rate of", event, measured)
-        return [self._held_rate(measured), float(rate)]
+        return [self._held_rate(measured), real(rate)]
 
     def _held_rate(self, measured: Mapping[str, Any]) -> str:
         """The name of the drive that sets a rate."""
@@ -241,7 +241,7 @@ class _Actions:
             )
         self._refuse_parted("stops", event, followed)
         name = self.hold(f"stop {event.name}", followed, "position", float(event.value))
-        return {"drive": name, "sign": -float(event.direction), "restitution": float(action.restitution)}
+        return {"drive": name, "sign": -float(event.direction), "restitution": real(action.restitution)}
 
     def _refuse_parted(self, does: str, event: Event, measured: Mapping[str, Any]) -> None:
         """Refuse to act along a joint that is parted in this run."""

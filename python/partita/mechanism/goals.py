@@ -14,7 +14,7 @@ from ..builder.compiled import CompiledModel
 from ..builder.frames import as_pair, is_rotation, rotation, transform
 from ..builder.measures import Coordinate
 from ..errors import ArgumentError, DescriptionError, UnknownNameError
-from ..naming import Names, coordinate_units, joint_units
+from ..naming import Names, coordinate_axes, coordinate_units, joint_units
 from ..numeric import floats, shown
 from ..options import si
 from ..units.door import bare
@@ -42,11 +42,11 @@ def goals_of(what: str, key: Any, model: CompiledModel) -> list[Goal]:
             count = joint["q"][1]
             if count == 0:
                 raise ArgumentError(f"{what}: joint {name!r} has no coordinate: it allows no motion", argument=what)
-            labels = [name] if count == 1 else [f"{name}.{axis}" for axis in _axes(joint)]
+            labels = [name] if count == 1 else [f"{name}.{axis}" for axis in coordinate_axes(joint)]
             return [(label, "joint", j, i, _NOWHERE) for i, label in enumerate(labels)]
     for j, joint in enumerate(joints):
         if joint["q"][1] > 1 and name.startswith(joint["name"] + "."):
-            labels = [f"{joint['name']}.{axis}" for axis in _axes(joint)]
+            labels = [f"{joint['name']}.{axis}" for axis in coordinate_axes(joint)]
             if name in labels:
                 return [(name, "joint", j, labels.index(name), _NOWHERE)]
     if name in model.names:
@@ -69,7 +69,7 @@ def named(what: str, key: Any, model: CompiledModel) -> str:
     own = next((joint for joint in model.summary["joints"] if joint["name"] == name), None)
     if own is None:
         return name
-    axes: list[str] = list(own["axes"]) if what == "rates" else _axes(own)
+    axes: list[str] = list(own["axes"]) if what == "rates" else coordinate_axes(own)
     if len(axes) == 1 and key.coordinate == 0:
         return name
     if key.coordinate not in range(len(axes)):
@@ -109,13 +109,6 @@ def _by_rows(value: Any, units: list[str]) -> Any:
         return units[0]
     shape = np.shape(bare(value))
     return units if len(shape) < 2 else [units] * shape[0]
-
-
-def _axes(joint: Mapping[str, Any]) -> list[str]:
-    """Names of a joint's coordinates; those of a spatial rotation are one item of four numbers."""
-    count: int = joint["q"][1]
-    axes: list[str] = list(joint["axes"])
-    return axes if len(axes) == count else [f"q{i}" for i in range(count)]
 
 
 def _point(what: str, key: tuple[Any, ...], model: CompiledModel) -> list[Goal]:

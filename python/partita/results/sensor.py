@@ -142,8 +142,8 @@ class RunSignals:
         """A force by its name, read on request."""
         about = self._forces[list(self._forces)[index_of(name, list(self._forces), "force")]][1]
         kind = str(about["kind"])
-        holds = name in self._summary.get("holding", {})
-        form = "spring" if kind == "spring" else "effort" if holds or "joint" in about else "load"
+        by_rows = name in self._summary.get("holding", {})
+        form = "spring" if kind == "spring" else "effort" if by_rows or "joint" in about else "load"
         data = {"of": "force", "force": name, "form": form}
         return ForceResult(name, kind, tuple(READS[form]), lambda reads: FORMS["force"](self, {**data, "reads": reads}))
 

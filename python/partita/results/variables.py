@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from ..naming import column_names, coordinate_units, joint_units
+from ..naming import column_names, coordinate_axes, coordinate_units, joint_units
 from ..result_view import MotionView, ResultView
 from .joint import COMPONENTS
 from .source import Arrays
@@ -218,7 +218,5 @@ def _joint_axes(result: MotionView) -> tuple[list[str], list[str], list[str], li
         v_units += vs
         words = list(joint.get("axes", ()))
         v_labels += column_names(joint["name"], words, len(vs))
-        slides = [word for word, unit in zip(words, vs, strict=False) if unit == "m"]
-        quaternion = len(qs) != len(vs)
-        q_labels += column_names(joint["name"], [*slides, "qw", "qx", "qy", "qz"] if quaternion else words, len(qs))
+        q_labels += column_names(joint["name"], coordinate_axes(joint), len(qs))
     return q_labels, q_units, v_labels, v_units
