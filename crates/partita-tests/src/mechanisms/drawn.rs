@@ -286,6 +286,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         friction: 0.3,
         static_friction: 0.5,
         stick_velocity: 0.7,
+        restitution: None,
     }));
     let (body1, body2) = two(rng);
     let point1 = point(rng, 0.5);
@@ -304,6 +305,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         friction: 0.3,
         static_friction: 0.3,
         stick_velocity: 0.7,
+        restitution: None,
     }));
     let (body1, body2) = two(rng);
     let axis = point(rng, 1.0);
@@ -368,6 +370,17 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
             held: Some(Value::Function(2)),
             stick_velocity: 0.6,
             follows: None,
+            acts: 0.0,
+        }));
+        all.push(Force::Friction(Friction {
+            name: format!("dry {}", j.name),
+            joint: j.name.clone(),
+            coordinate: coordinate(),
+            dynamic: Value::Constant(0.9),
+            held: Some(Value::Constant(1.1)),
+            stick_velocity: 0.0,
+            follows: None,
+            acts: -1.0,
         }));
         all.push(Force::Stop(Stop {
             name: format!("stop {}", j.name),
@@ -375,9 +388,10 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
             coordinate: coordinate(),
             lower: None,
             upper: Some(-1.5),
-            stiffness: 0.8,
+            stiffness: Some(0.8),
             exponent: 1.2,
             damping: 0.05,
+            restitution: None,
         }));
         all.push(Force::GasSpring(GasSpring {
             name: format!("gas {}", j.name),

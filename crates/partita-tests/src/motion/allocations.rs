@@ -325,6 +325,7 @@ fn rub(spec: &mut Spec) {
             held: None,
             stick_velocity: 0.5,
             follows: Some(follows),
+            acts: 0.0,
         }));
     }
 }

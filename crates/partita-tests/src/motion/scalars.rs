@@ -138,6 +138,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
                     (LoadLaw::Friction(_), _) => "friction",
                     (LoadLaw::GasSpring(_), _) => "gas spring",
                     (LoadLaw::Stop(_), _) => "stop",
+                    (LoadLaw::SetValued(_), _) => "friction that may stick",
                 },
                 Element::Force(f) if f.turns => "force that turns",
                 Element::Force(_) => "force",
@@ -187,7 +188,7 @@ fn everywhere(seed: u64, plain: bool, mut check: impl FnMut(&mut fastrand::Rng, 
     for kind in [Revolute, Prismatic, Cylindrical, Universal, Spherical, Planar, Fixed, Free, Generic] {
         assert!(kinds.contains(&format!("{kind:?}")), "no {kind:?} joint was drawn");
     }
-    assert_eq!(elements.len(), if plain { 17 } else { 18 }, "{elements:?}");
+    assert_eq!(elements.len(), if plain { 18 } else { 19 }, "{elements:?}");
 }
 
 /// A choice of coordinates and the way to their accelerations: through one M_d, or over clusters.
