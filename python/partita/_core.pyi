@@ -38,15 +38,17 @@ class Stepper:
         v: Array,
         keeps: bool,
         events: EventList | None = None,
+        acting: tuple[str, str, list[tuple[str, Callable[[float, Array, Array], str]]]] | None = None,
     ) -> None:
         """For ticks of `dt`, each of so many `steps`; inputs are forces of the description and components, or
-        drives; `held` has a number for each, five of the course of a drive: since when, and a cubic."""
+        drives; `held` has a number for each, five of the course of a drive: since when, and a cubic. `acting`: the
+        drives by which events act (JSON), what these do, and functions that decide about it."""
 
     def step(self, inputs: Array) -> tuple[float, Array, Array]:
         """One tick with these numbers held; t, q, v after it."""
 
-    def occurred(self) -> list[tuple[int, bool, float, list[float], list[float]]]:
-        """Events of the last tick: number, whether the function rises, t, q, v."""
+    def occurred(self) -> tuple[list[tuple[int, bool, float, list[float], list[float]]], list[tuple[Any, ...]] | None]:
+        """Events of the last tick: number, whether the function rises, t, q, v; or, where they act, what happened."""
 
     def begin(self, inputs: Array, t: float, q: Array, v: Array) -> None:
         """Stand at a closed state, with these numbers held."""

@@ -239,6 +239,8 @@ class Observed:
     functions: list[Function]
     acts: str | None = None
     """What the events do, as JSON; None where they only observe."""
+    drives: str = "[]"
+    """The drives by which they act, as JSON."""
     decisions: list[tuple[str, Callable[[float, Array, Array], str]]] = field(default_factory=list)
     """What functions decide: the names of their events, and of t, q, v actions as JSON."""
 

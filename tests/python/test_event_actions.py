@@ -512,7 +512,6 @@ def test_bad_actions_are_refused_by_name() -> None:
         (lambda: pt.Event("e", "A", then=pt.SetRates({})), "rates"),
         (lambda: pt.Event("e", "A", then=pt.SetRates({"A": math.nan})), "finite"),
         (lambda: pt.Event("e", "A", then=pt.SetRates({"A": 10**400})), "finite"),
-        (lambda: m.stepper(0.1, events=[pt.Event("e", "A", then=pt.Lock("A"))]), "observe"),
         (lambda: m.simulate(1.0, locked=3), "locked"),
     ):
         with pytest.raises(ArgumentError, match=words):

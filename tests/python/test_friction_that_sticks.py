@@ -399,7 +399,6 @@ def test_what_sticks_is_refused_where_only_a_run_can_follow_it() -> None:
         "linearize": lambda: m.linearize(),
         "inverse_dynamics": lambda: m.inverse_dynamics((np.linspace(0, 1, 5), {"O": np.linspace(-0.5, -0.4, 5)})),
         "an ensemble": lambda: m.ensemble(t_eval=[0.0, 1.0], states=[state]),
-        "a stepper": lambda: m.stepper(0.01),
         "C source": lambda: m.export_c("rub.c"),
         "an FMU": lambda: m.to_fmu("rub.fmu"),
         "a playground": lambda: m.to_playground("rub.html"),
@@ -509,3 +508,98 @@ def test_a_rigid_contact_is_refused_where_it_cannot_be() -> None:
     # it begins on the wrong side
     with pytest.raises(pt.errors.PartitaError, match="beyond the stop"):
         m.simulate(1.0, initial=m.assemble({"S": 1.2}))
+
+
+@COORDINATES
+@pytest.mark.parametrize("case", ["belt", "clutch", "ball", "latch", "slider-crank"])
+def test_a_stepper_follows_what_a_run_follows(case: str, coordinates: str) -> None:
+    """Ticks end at their own times; what happens inside is that of a run, and so is the record."""
+    events: list[pt.Event] = []
+    if case == "belt":
+        m = pt.Mechanism("belt", gravity=None)
+        m.add_body("belt", mass=1.0, inertia=(1, 1, 1))
+        m.add_body("mass", mass=2.0, inertia=(1, 1, 1))
+        m.add_prismatic("B", m.ground, "belt", axis=(1, 0, 0))
+        m.add_prismatic("X", "belt", "mass", axis=(1, 0, 0))
+        m.add_drive("B", velocity=0.3)
+        m.add_spring("S", m.ground, (-5, 0, 0), "mass", (0, 0, 0), stiffness=50.0, length=5.0)
+        m.add_friction("rub", "X", 5.886, static=9.81)
+        start = m.assemble(rates={"B": 0.3, "X": 0.0}, coordinates=coordinates)
+    elif case == "clutch":
+        m = wheel()
+        m.add_torque("A", lambda t, state: 3.0 * math.sin(4.0 * t))
+        m.add_freewheel("A", free=1)
+        m.add_torsion_spring("A", stiffness=0.0, damping=0.5)
+        start = m.assemble(rates={"A": 0.5}, coordinates=coordinates)
+    elif case == "ball":
+        m = sledge(1.3)
+        m.gravity = (-9.81, 0, 0)
+        m.add_stop("S", lower=-0.3, restitution=0.4)
+        start = m.assemble(coordinates=coordinates)
+    elif case == "latch":
+        m = wheel()
+        m.add_latch("A", at=0.5, direction=1)
+        events = [pt.Event("go", lambda t, state: t - 0.71, then=[pt.Release("A"), pt.SetRates({"A": -2.0})])]
+        start = m.assemble(rates={"A": 2.0}, coordinates=coordinates)
+    else:
+        m = slider_crank()
+        m.add_friction("S", 1.5, static=2.2)
+        start = m.assemble({"O": -0.1}, coordinates=coordinates)
+    dt, count = 0.004, 300
+    times = dt * np.arange(count + 1)
+    run = m.simulate(times[-1], initial=start, coordinates=coordinates, events=events, t_eval=times, **TIGHT)
+    sim = m.stepper(dt, initial=start, coordinates=coordinates, events=events, substeps=4)
+    for again in range(2):
+        seen = []
+        for i in range(count):
+            sim.step()
+            inside = [(event.name, event.kind, event.t) for event in sim.events]
+            assert all(times[i] - 1e-12 <= t <= times[i + 1] + 1e-12 or kind == "accumulation" for _, kind, t in inside)
+            seen += inside
+        assert sim.time == times[-1]
+        assert [x[:2] for x in seen] == [(e.name, e.kind) for e in run.events if (e.t, e.kind) != (0.0, "rest")]
+        assert [x[2] for x in seen] == pytest.approx(run.events.t, rel=1e-8)
+        assert sim.q == pytest.approx(run.q[-1], rel=1e-8, abs=1e-9)
+        found = sim.result()
+        assert found.success and found.certificate.verdict == "valid"
+        assert found.q == pytest.approx(run.q, rel=1e-7, abs=1e-8) and (found.t == times).all()
+        for name in m.forces:
+            # loads that jump at events are compared beside them
+            near = np.min(np.abs(times[:, None] - run.events.t[None]), axis=1) < 1e-9
+            one, other = found.force(name), run.force(name)
+            if "effort" in one.reads:
+                assert one.effort[~near] == pytest.approx(other.effort[~near], rel=1e-5, abs=1e-5)
+        assert [(e.name, e.kind) for e in found.events] == [(e.name, e.kind) for e in run.events]
+        if not again:
+            sim.reset()
+
+
+def test_a_stepper_sticks_until_its_input_exceeds_what_friction_can_carry() -> None:
+    m = wheel()
+    m.add_torque("motor", "A", 0.0)
+    m.add_brake("brake", "A", 2.0, static=2.5)
+    sim = m.stepper(0.01)
+    for torque, moves in ((1.0, False), (2.4, False), (2.6, True)):
+        for _ in range(10):
+            sim.step({"motor": torque})
+        assert (abs(sim.state.velocity("A")) > 0.0) == moves
+    assert sim.state.velocity("A") == pytest.approx(0.6 * 0.1 / 0.4, rel=1e-9)
+    found = sim.result()
+    assert found.force("brake").effort[[5, 15, 25]] == pytest.approx([-1.0, -2.4, -2.0])
+    assert [(e.name, e.kind) for e in found.events] == [("brake", "slip")]
+    # a function that fails leaves it as it was
+    before = sim.state
+    with pytest.raises(pt.errors.ArgumentError):
+        sim.step({"motor": math.nan})
+    assert sim.time == before.t and (sim.q == before.q).all()
+
+
+def test_what_a_stepper_cannot_do_with_events_is_said() -> None:
+    m = wheel()
+    with pytest.raises(pt.errors.ArgumentError, match="which only simulate can"):
+        m.stepper(0.01, events=[pt.Event("e", "A", value=1.0, then=pt.Release("A"))])
+    m.add_torque("motor", "A", 0.0)
+    with pytest.raises(DescriptionError, match="give them to sim"):
+        m.stepper(0.01, events=[pt.Event("e", "A", value=1.0, then=pt.SetInput("motor", 1.0))])
+    with pytest.raises(pt.errors.ArgumentError, match="terminal"):
+        m.stepper(0.01, events=[pt.Event("e", "A", value=1.0, terminal=True)])

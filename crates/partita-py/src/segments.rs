@@ -15,7 +15,7 @@ use partita_integrate::simulate::Observe;
 use partita_integrate::step_log::StepLog;
 use partita_model::model::Silent;
 use partita_model::Model;
-use partita_system::event::MotionState;
+use partita_system::event::{EventFunctions, MotionState};
 use partita_system::prelude::*;
 use partita_system::record::{FormulationCounters, Gaps, Output};
 use partita_system::{Size, SystemError};
@@ -186,15 +186,33 @@ impl Reported for SegmentsLog {
 }
 
 /// Impulses along the rows, of the joints, and the energy lost.
-type Impulses = (Vec<f64>, Vec<([f64; 6], [bool; 6])>, f64);
+pub type Impulses = (Vec<f64>, Vec<([f64; 6], [bool; 6])>, f64);
 /// Number of an event, what happened, whether its function rises, time, coordinates, velocities before and after, and
 /// impulses.
-type Happened = (usize, &'static str, bool, f64, Vec<f64>, Vec<f64>, Vec<f64>, Impulses);
+pub type Happened = (usize, &'static str, bool, f64, Vec<f64>, Vec<f64>, Vec<f64>, Impulses);
 
-fn happened(x: &Happening) -> Happened {
+/// What happened, as plain data.
+pub fn happened(x: &Happening) -> Happened {
     let (before, q) = (&x.before, whole(&x.before).collect());
     let impulses = (x.impulses.clone(), x.joints.clone(), x.energy_lost);
     (x.event, x.kind.word(), x.rises, before.t, q, before.v.clone(), x.after.clone(), impulses)
+}
+
+/// What events do, and their functions.
+pub fn planned(
+    py: Python<'_>,
+    model: &Arc<Model>,
+    events: &Events,
+    (acts, decisions): (&str, DecisionList),
+) -> PyResult<(Plan, Box<dyn EventFunctions>)> {
+    let Written { switched, locked, parted, actions, inputs } =
+        serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
+    let observe = events.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
+    let (names, called) = decisions.into_iter().unzip();
+    let decisions = Box::new(Deciding(names, Callables::new(called)));
+    let Observe { events, functions, most } = observe;
+    let plan = Plan { model: model.clone(), switched, locked, parted, events, actions, most, inputs, decisions };
+    Ok((plan, functions))
 }
 
 /// Integrate a mechanism whose events act, as `run` does, and return the dictionary of results.
@@ -208,19 +226,15 @@ pub fn run<'py>(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let t_eval = entries_of(t_eval);
-    let Written { switched, locked, parted, actions, inputs } =
-        serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
-    let observe = Events::new(events)?.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
-    let (names, called) = decisions.into_iter().unzip();
-    let decisions = Box::new(Deciding(names, Callables::new(called)));
-    let Observe { events, functions, most } = observe;
-    let plan = Plan { model: model.clone(), switched, locked, parted, events, actions, most, inputs, decisions };
-    let go = |watch: Stopping| in_segments(&plan, functions, request, &t_eval, (q, v), watch);
+    let events = Events::new(events)?;
+    let (plan, functions) = planned(py, model, &events, (acts, decisions))?;
+    let go = |watch: Stopping| in_segments(plan, functions, request, &t_eval, (q, v), watch);
     let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;
     reported_segments(py, model, found, cause)
 }
 
-fn reported_segments<'py>(
+/// What segments report, as `run` does.
+pub fn reported_segments<'py>(
     py: Python<'py>,
     model: &Arc<Model>,
     found: Segments,

@@ -7,12 +7,15 @@ use crate::failure::{self, guarded, raise};
 use crate::functions::{Held, Kind};
 use crate::motion::with_motion;
 use crate::run::{self, Occurred};
+use crate::segments::{self, happened, DecisionList, Happened};
 use numpy::{PyArray1, PyReadonlyArray1, ToPyArray};
 use partita_analysis::error::AnalysisError;
-use partita_analysis::run::{Request, Stepping};
+use partita_analysis::run::segments::{Segments, Ticks};
+use partita_analysis::run::{Request, Run, Stepping};
 use partita_model::spec::{Force, PointForce, Spec, Table, Torque, Value, VectorValue};
 use partita_model::Model;
 use partita_system::prelude::*;
+use partita_system::record::Output;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -37,8 +40,49 @@ struct Standing {
     v: Vec<f64>,
 }
 
+/// A motion that is stepped, and whether events act in it.
+enum Steps {
+    /// They observe, if there are any.
+    Plain(Box<Stepping<'static>>),
+    /// They act.
+    Acting(Box<Ticks>),
+}
+
+impl Steps {
+    fn now(&self) -> &Output {
+        match self {
+            Self::Plain(x) => x.now(),
+            Self::Acting(x) => x.now(),
+        }
+    }
+    fn coordinate(&self, i: usize) -> f64 {
+        match self {
+            Self::Plain(x) => x.coordinate(i),
+            Self::Acting(x) => x.coordinate(i),
+        }
+    }
+    fn step(&mut self) -> Result<(), AnalysisError> {
+        match self {
+            Self::Plain(x) => x.step(),
+            Self::Acting(x) => x.step(),
+        }
+    }
+    fn begin(&mut self, t: f64, q: &[f64], v: &[f64], undo: &mut dyn FnMut()) -> Result<(), AnalysisError> {
+        match self {
+            Self::Plain(x) => x.begin(t, q, v, undo),
+            Self::Acting(x) => x.begin(t, q, v, undo),
+        }
+    }
+}
+
+/// What a stepper has recorded.
+enum Recorded {
+    Plain(Box<Run>),
+    Acting(Segments),
+}
+
 impl Standing {
-    fn read(&mut self, motion: &Stepping) {
+    fn read(&mut self, motion: &Steps) {
         let now = motion.now();
         self.t = now.t;
         self.q.clear();
@@ -66,7 +110,7 @@ impl Drop for Busy<'_> {
 /// A motion stepped tick by tick under inputs.
 #[pyclass(frozen, module = "partita._core")]
 pub struct Stepper {
-    motion: Mutex<Stepping<'static>>,
+    motion: Mutex<Steps>,
     /// The present user: a user function called by the motion may not use it.
     busy: Mutex<Option<ThreadId>>,
     /// Read without waiting for the motion.
@@ -74,10 +118,20 @@ pub struct Stepper {
     held: Arc<Held>,
     model: Arc<Model>,
     inputs: Vec<Input>,
+    /// The drives by which events act, as JSON.
+    drives: Option<String>,
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The drives by which events act, what these do, and who decides about it.
+type Acting = (String, String, DecisionList);
+
+fn with_drives(py: Python<'_>, model: &Arc<Model>, drives: &str) -> PyResult<Arc<Model>> {
+    let drives = serde_json::from_str(drives).map_err(|e| failure::unexpected(format!("drives: {e}")))?;
+    Ok(Arc::new(model.with_more_drives(drives).map_err(|e| failure::description(py, &e))?))
 }
 
 /// Set the value of each input.
@@ -115,8 +169,9 @@ impl Stepper {
         request: Request,
         ticks: (f64, u32),
         (t, q, v): (f64, Vec<f64>, Vec<f64>),
-        (keeps, events): (bool, Option<EventList>),
+        (keeps, events, acting): (bool, Option<EventList>, Option<Acting>),
     ) -> PyResult<Self> {
+        let drives = acting.as_ref().map(|x| x.0.clone());
         let kinds: Vec<Kind> = inputs.iter().map(kind).collect();
         let held = Arc::new(Held::new(model.functions(), &kinds));
         if first.len() != held.count() {
@@ -130,25 +185,39 @@ impl Stepper {
         if (size.nq, size.nv, size.rows) != (model.size().nq, model.size().nv, model.size().rows) {
             return Err(failure::unexpected("inputs changed the coordinates of the model".into()));
         }
-        let model = Arc::new(own);
-        let motion = released(py, || Stepping::new(model.clone().into(), &request, ticks, (t, &q, &v), keeps));
-        let mut motion = motion.map_err(|e| failure::analysis(py, e))?;
-        if let Some(events) = events {
-            let (events, model) = (Events::new(events)?, model.clone());
-            let observing = Box::new(move || Ok(events.of_mechanism(model.clone())?));
-            motion.observe(observing).map_err(|e| failure::analysis(py, e))?;
-        }
+        let mut model = Arc::new(own);
+        let events = events.map(Events::new).transpose()?;
+        let motion = match (events, acting) {
+            (Some(events), Some((drives, acts, decisions))) => {
+                model = with_drives(py, &model, &drives)?;
+                let (plan, _) = segments::planned(py, &model, &events, (&acts, decisions))?;
+                let of = model.clone();
+                let functions = Box::new(move || Ok(events.of_mechanism(of.clone())?.functions));
+                let made = released(py, || Ticks::new(plan, functions, &request, ticks, (t, &q, &v), keeps));
+                Steps::Acting(Box::new(made.map_err(|e| failure::analysis(py, e))?))
+            }
+            (events, _) => {
+                let made = released(py, || Stepping::new(model.clone().into(), &request, ticks, (t, &q, &v), keeps));
+                let mut motion = made.map_err(|e| failure::analysis(py, e))?;
+                if let Some(events) = events {
+                    let model = model.clone();
+                    let observing = Box::new(move || Ok(events.of_mechanism(model.clone())?));
+                    motion.observe(observing).map_err(|e| failure::analysis(py, e))?;
+                }
+                Steps::Plain(Box::new(motion))
+            }
+        };
         let mut standing = Standing::default();
         standing.read(&motion);
         let (motion, standing) = (Mutex::new(motion), Mutex::new(standing));
-        Ok(Self { motion, busy: Mutex::default(), standing, held, model, inputs })
+        Ok(Self { motion, busy: Mutex::default(), standing, held, model, inputs, drives })
     }
 
     /// Use the motion, one caller after the other, while other Python threads run.
     fn with<T: Send>(
         &self,
         py: Python<'_>,
-        work: impl FnOnce(&mut Stepping<'static>) -> Result<T, AnalysisError> + Send,
+        work: impl FnOnce(&mut Steps) -> Result<T, AnalysisError> + Send,
     ) -> PyResult<T> {
         if *locked(&self.busy) == Some(thread::current().id()) {
             let message = "a function of the model steps the stepper that calls it; pass what it computes as an \
@@ -169,13 +238,30 @@ impl Stepper {
     }
 }
 
+impl Stepper {
+    /// All that is recorded, or the current state, of this mechanism with its inputs over time.
+    fn recorded<'py>(&self, py: Python<'py>, here: bool, model: Option<&Arc<Model>>) -> PyResult<Bound<'py, PyDict>> {
+        let found = self.with(py, |motion| {
+            Ok(match motion {
+                Steps::Plain(x) => Recorded::Plain(Box::new(x.reported(here))),
+                Steps::Acting(x) => Recorded::Acting(x.reported(here, model)?),
+            })
+        })?;
+        let model = model.unwrap_or(&self.model);
+        match found {
+            Recorded::Plain(found) => run::left(py, model, *found),
+            Recorded::Acting(found) => segments::reported_segments(py, model, found, None),
+        }
+    }
+}
+
 #[pymethods]
 impl Stepper {
     /// A motion of a compiled model to be stepped by ticks of `dt`, each of this many `steps` of a method, under
     /// `inputs`: forces of the description and components, drives without. `held` gives the initial values: a number,
     /// or five of the course of a drive (start time, a cubic).
     #[new]
-    #[pyo3(signature = (model, options, dt, steps, inputs, held, t, q, v, keeps, events=None))]
+    #[pyo3(signature = (model, options, dt, steps, inputs, held, t, q, v, keeps, events=None, acting=None))]
     fn new(
         py: Python<'_>,
         model: &crate::model::Model,
@@ -189,12 +275,13 @@ impl Stepper {
         v: PyReadonlyArray1<'_, f64>,
         keeps: bool,
         events: Option<EventList>,
+        acting: Option<Acting>,
     ) -> PyResult<Self> {
         guarded(py, || {
             let request = options.get().request().clone();
             let size = model.inner().size();
             let (q, v) = (vector(&q, size.nq, "q")?, vector(&v, size.nv, "v")?);
-            Self::around(py, model.inner(), (inputs, held), request, (dt, steps), (t, q, v), (keeps, events))
+            Self::around(py, model.inner(), (inputs, held), request, (dt, steps), (t, q, v), (keeps, events, acting))
         })
     }
 
@@ -232,9 +319,16 @@ impl Stepper {
         })
     }
 
-    /// Events of the last tick: number, whether the function rises, t, q, v.
-    fn occurred(&self, py: Python<'_>) -> PyResult<Vec<Occurred>> {
-        guarded(py, || self.with(py, |motion| Ok(run::occurred(motion.occurred()))))
+    /// Events of the last tick: number, whether the function rises, t, q, v; or, where they act, what happened.
+    fn occurred(&self, py: Python<'_>) -> PyResult<(Vec<Occurred>, Option<Vec<Happened>>)> {
+        guarded(py, || {
+            self.with(py, |motion| {
+                Ok(match motion {
+                    Steps::Plain(x) => (run::occurred(x.occurred()), None),
+                    Steps::Acting(x) => (Vec::new(), Some(x.occurred().iter().map(happened).collect())),
+                })
+            })
+        })
     }
 
     /// Its state: t, q, v.
@@ -246,11 +340,8 @@ impl Stepper {
     /// The results of a run that ends here, and the present model, while the motion is here.
     fn here<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyDict>, crate::model::Model)> {
         guarded(py, || {
-            let reported = self.with(py, |motion| Ok(motion.reported(true)))?;
-            Ok((
-                with_motion(py, &self.model, run::left(py, &self.model, reported)?)?,
-                crate::model::Model::of(self.model.clone()),
-            ))
+            let found = self.recorded(py, true, None)?;
+            Ok((with_motion(py, &self.model, found)?, crate::model::Model::of(self.model.clone())))
         })
     }
 
@@ -275,11 +366,15 @@ impl Stepper {
                 };
                 Value::Table(Table { breaks: breaks.clone(), coefficients: values.iter().map(piece).collect() })
             };
-            let spec = replaced(&self.model.spec, &self.inputs, table).ok_or_else(|| no_input(py))?;
-            let model = Model::new(spec, self.model.functions(), self.model.coordinates());
-            let model = Arc::new(model.map_err(|e| failure::description(py, &e))?);
-            let reported = self.with(py, |motion| Ok(motion.reported(false)))?;
-            Ok((with_motion(py, &model, run::left(py, &model, reported)?)?, crate::model::Model::of(model)))
+            let base = self.model.permanent();
+            let spec = replaced(&base.spec, &self.inputs, table).ok_or_else(|| no_input(py))?;
+            let model = Model::new(spec, base.functions(), base.coordinates());
+            let mut model = Arc::new(model.map_err(|e| failure::description(py, &e))?);
+            if let Some(drives) = &self.drives {
+                model = with_drives(py, &model, drives)?;
+            }
+            let found = self.recorded(py, false, Some(&model))?;
+            Ok((with_motion(py, &model, found)?, crate::model::Model::of(model)))
         })
     }
 }

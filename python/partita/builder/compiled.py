@@ -91,7 +91,8 @@ class Equations:
         if found is not None:
             name, what = found
             raise DescriptionError(
-                f'force "{name}" is {what}; what it does at one state is not known, only simulate follows it',
+                f'force "{name}" is {what}; what it does at one state is not known, only simulate and steppers '
+                "follow it",
                 element="force",
                 name=name,
             )

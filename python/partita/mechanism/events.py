@@ -16,6 +16,7 @@ from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
 from ..builder.records import Force, Joint
 from ..builder.sensors import Reading, Sensor, known_expression
+from ..errors import ArgumentError
 from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetInput, SetRates, Stop, called, listed
 from ..events import observed as written
 from ..naming import index_of
@@ -88,12 +89,18 @@ def observed(
     events: Iterable[Any] | None,
     locked: Iterable[Any] = (),
     parted: Iterable[Any] = (),
+    *,
+    steps: bool = False,
 ) -> tuple[Observed | None, CompiledModel]:
     """Events as given by the user, for this model; None where there are none. Also the model with the drives by which
-    they act, and those of the joints that are `locked` at the start."""
+    they act, and those of the joints that are `locked` at the start. `steps`: for a stepper, which has inputs of its
+    own and parts no joints."""
     found = listed(events)
     apart = parted_at_start(mechanism, parted)
-    acting = _Actions(mechanism, parting(mechanism, found, locked, parted))
+    acting = _Actions(mechanism, parting(mechanism, found, locked, parted), not steps)
+    if steps and acting.parting:
+        joint, who = next(iter(acting.parting.items()))
+        raise ArgumentError(f"{who} parts the joint {joint!r}, which only simulate can", argument="events")
     at_start = [name for joint in joints_of("locked", locked) for name in acting.locked("locked", joint, None)]
     own = list(of_elements(mechanism._description, model, acting.hold, acting.hold_locked))
     if not found and not at_start and not apart and not own:
@@ -112,23 +119,24 @@ def observed(
         "switched": list(acting.drives), "locked": at_start, "parted": apart, "actions": actions,
         "inputs": drawn_values(mechanism._description, model, acting.inputs),
     }  # fmt: skip
-    watched = replace(watched, acts=json.dumps(acts), decisions=acting.decisions)
+    drives = list(acting.drives.values())
+    watched = replace(watched, acts=json.dumps(acts), decisions=acting.decisions, drives=json.dumps(drives))
     holding: dict[str, list[str]] = {}
     for one in own:
         holding.setdefault(one.element, []).append(one.drive)
-    return watched, model._with_more_drives(list(acting.drives.values()), holding) if acting.drives else model
+    return watched, model._with_more_drives(drives, holding) if drives else model
 
 
 class _Actions:
     """Drives by which events act: what they hold."""
 
-    def __init__(self, mechanism: Modelled, parting: Mapping[str, str]) -> None:
+    def __init__(self, mechanism: Modelled, parting: Mapping[str, str], sets_inputs: bool) -> None:
         self._mechanism = mechanism
         self.drives: dict[str, dict[str, Any]] = {}
         self.decisions: list[tuple[str, Decision]] = []
         self.inputs: list[str] = []
         """Names of those that may be set."""
-        self.parting = parting
+        self.parting, self._sets_inputs = parting, sets_inputs
 
     def actions(self, event: Event, maker: _Maker) -> list[dict[str, Any]]:
         """What an event does, as plain data."""
@@ -147,7 +155,7 @@ class _Actions:
                 measured = {"of": "joint", "joint": record.name, "coordinate": i}
                 self.hold_locked("", measured, "velocity", 0.0)
                 self._held_rate(measured)
-        for name in settable(self._mechanism._description):
+        for name in settable(self._mechanism._description) if self._sets_inputs else ():
             self._settable(name)
 
         def decided(t: float, q: Array, v: Array) -> str:
@@ -208,6 +216,8 @@ class _Actions:
     def _input(self, event: Event, action: SetInput) -> list[Any]:
         """The number of an input and its value."""
         element, known = Element("event", event.name), settable(self._mechanism._description)
+        if not self._sets_inputs:
+            element.fail("it sets an input, but a stepper takes its inputs at each step: give them to sim.step")
         given = action.name
         name = list(known)[index_of(given.name if isinstance(given, Force) else str(given), list(known), "input")]
         one = known[name]

@@ -25,7 +25,6 @@ from ..viewer.live import LiveView, Poses
 from .events import observed
 from .inputs import Courses, Input, chosen, inputs_of
 from .models import Modelled, layout_of
-from .set_valued import without_holding
 from .solve import start_of
 
 Array = NDArray[np.float64]
@@ -59,7 +58,7 @@ class Stepper:
 
     def __init__(
         self,
-        model: CompiledModel,
+        models: tuple[CompiledModel, CompiledModel],
         layout: Layout,
         start: State,
         inputs: Mapping[str, Input],
@@ -69,7 +68,9 @@ class Stepper:
         record: bool,
         events: Observed | None,
     ) -> None:
-        self._model, self._layout, self._options = model, layout, options
+        # the second one has the drives by which events act
+        model, self._model = models
+        self._layout, self._options = layout, options
         self._watched = events
         self._dt, self._record = dt, record
         self._inputs, self._courses = tuple(inputs), Courses(inputs, model)
@@ -85,6 +86,7 @@ class Stepper:
             start.v,
             record,
             None if events is None else events.core,
+            None if events is None or events.acts is None else (events.drives, events.acts, events.decisions),
         )
         self._start = start
         self._given: list[list[float]] = []
@@ -132,7 +134,7 @@ class Stepper:
         The step ends at its own time whatever happens within it; `result().events` are those of all steps."""
         if self._watched is None:
             return events_of({}, self._layout)
-        return events_of(written(self._watched.names, self._core.occurred(), None, {}), self._layout)
+        return events_of(written(self._watched.names, *self._core.occurred(), self._model.summary), self._layout)
 
     def joint(self, name: Any) -> JointMotion:
         """Position and velocity of a joint of the tree or of a loop; `UnknownNameError` suggests the nearest names."""
@@ -377,7 +379,6 @@ def stepper(
     if not isinstance(record, bool | np.bool_):
         raise ArgumentError(f"record is {shown(record)}; it must be True or False", argument="record")
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
-    without_holding(self, "a stepper")
     model, layout = layout_of(self, wanted, parameters)
     start = start_of(self, initial, model, wanted, parameters)
     step = length / int(substeps)
@@ -393,16 +394,11 @@ def stepper(
         compiled=compiled,
     )
     given = chosen(inputs_of(self._description), inputs)
-    watched, _ = observed(self, model, layout, events)
-    if watched is not None and watched.acts is not None:
-        raise ArgumentError(
-            "events of a stepper observe: set its inputs from outside, or let the events of `simulate` act",
-            argument="events",
-        )
+    watched, acting = observed(self, model, layout, events, steps=True)
     if watched is not None and watched.ends is not None:
         raise ArgumentError(
             f'event "{watched.ends}" is terminal, but a stepper goes on for as long as it is stepped; look at '
             "sim.events after each step",
             argument="events",
         )
-    return Stepper(model, layout, start, given, options, length, int(substeps), bool(record), watched)
+    return Stepper((model, acting), layout, start, given, options, length, int(substeps), bool(record), watched)

@@ -5,11 +5,13 @@ mod follow;
 mod maker;
 mod mode;
 mod settle;
+mod ticks;
 mod transition;
 
 use crate::error::AnalysisError;
 use crate::run::{Request, Run};
 use maker::{refuse, Maker};
+use mode::Mode;
 use partita_integrate::simulate::{Outcome, Status};
 use partita_math::tolerance;
 use partita_model::model::Silent;
@@ -21,6 +23,8 @@ use partita_system::SystemError;
 use serde::Deserialize;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+
+pub use ticks::{MakeFunctions, Ticks};
 
 /// Changes without progress that are made at one instant. Reason: of contacts and locks each changes once or twice.
 const MOST_AT_ONCE: usize = 50;
@@ -95,6 +99,25 @@ pub struct Plan {
     pub inputs: Vec<(Silent, f64)>,
     /// What the actions ask.
     pub decisions: Box<dyn Decisions>,
+}
+
+impl Plan {
+    /// The same for another mechanism with these rows; it decides nothing any more.
+    fn of(&self, model: &Arc<Model>) -> Self {
+        let [switched, locked, parted] = [&self.switched, &self.locked, &self.parted].map(Clone::clone);
+        let (events, actions, inputs) = (self.events.clone(), self.actions.clone(), self.inputs.clone());
+        let decisions = Box::new(Undecided);
+        Self { model: model.clone(), switched, locked, parted, events, actions, most: self.most, inputs, decisions }
+    }
+}
+
+/// No decisions.
+struct Undecided;
+
+impl Decisions for Undecided {
+    fn decide(&self, _: usize, _: &MotionState) -> Result<Vec<Action>, SystemError> {
+        Ok(Vec::new())
+    }
 }
 
 /// What happened at an event.
@@ -226,89 +249,129 @@ impl Segments {
     }
 }
 
+/// Where a run stands.
+pub(super) struct Standing {
+    maker: Maker,
+    mode: Mode,
+    /// State, with whole turns in its coordinates.
+    now: Output,
+    /// Work done, and energy exchanged, so far.
+    work: f64,
+    exchanged: f64,
+    /// Changes at this instant, one after the other.
+    at_once: usize,
+}
+
+impl Standing {
+    /// At the start: what is closed there closes, and velocities may jump.
+    fn new(
+        plan: Arc<Plan>,
+        functions: Box<dyn EventFunctions>,
+        request: &Request,
+        (q, v): (&[f64], &[f64]),
+    ) -> Result<Self, AnalysisError> {
+        let (mut maker, mode) = Maker::new(plan, functions, (request.t0, request.t_end))?;
+        let zero = vec![0; q.len()];
+        let mut now = Output { t: request.t0, q: q.to_vec(), v: v.to_vec(), turns: zero, ..Output::default() };
+        let (mode, first, work) = maker.change(&mode, &now, &[])?;
+        now.v = first;
+        Ok(Self { maker, mode, now, work, exchanged: 0.0, at_once: 0 })
+    }
+
+    /// On to the end of the request, in as many segments as it takes.
+    fn go_on(
+        &mut self,
+        request: &Request,
+        t_eval: &[f64],
+        watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
+    ) -> Result<Vec<(Mode, Segment)>, AnalysisError> {
+        let (mut bytes, mut all) = (request.step_bytes, Vec::<(Mode, Segment)>::new());
+        loop {
+            let (from, exchanged_before) = (self.now.t, self.exchanged);
+            let own = Request { t0: from, step_bytes: bytes, exchanged_before, ..request.clone() };
+            let times = &t_eval[t_eval.partition_point(|t| *t < from)..];
+            let mut segment = match self.maker.segment(&self.mode, &own, times, &self.now, watch) {
+                Ok(segment) => segment,
+                Err(error) => return stopped(all, from, error),
+            };
+            let run = &mut segment.run;
+            self.exchanged += run.exchanged;
+            bytes = bytes.saturating_sub(run.log.steps.as_ref().map_or(0, |steps| steps.0.bytes()));
+            run.log.outputs.iter_mut().for_each(|x| x.work += self.work);
+            run.occurrences.iter_mut().for_each(|x| x.state.work += self.work);
+            self.maker.note(&run.occurrences);
+            let last = run.occurrences.last().map(|x| x.state.clone());
+            let Some(last) = last.filter(|_| run.outcome.status == Status::Event) else {
+                if let Some(end) = run.log.outputs.last() {
+                    (self.work, self.now) = (end.work, whole(end, end.v.clone()));
+                }
+                all.push((self.mode.clone(), segment));
+                return Ok(all);
+            };
+            let occurred: Vec<Occurrence> = run.occurrences.iter().filter(|x| x.state.t == last.t).cloned().collect();
+            let changed = self.maker.change(&self.mode, &last, &occurred);
+            let ends = self.maker.ends(&occurred);
+            let over = ends || request.t_end - last.t <= tolerance::SUM_ROUNDING * request.t_end.abs();
+            if let (Ok((_, after, _)), false) = (&changed, ends) {
+                // an output at that instant is the state after it
+                run.log.outputs.retain(|x| x.t < last.t);
+                let late = if over { t_eval.partition_point(|t| *t < last.t) } else { t_eval.len() };
+                let at_the_end = |&t: &f64| Output { t, v: after.clone(), ..last.clone() };
+                run.log.outputs.extend(t_eval[late..].iter().map(at_the_end));
+            }
+            all.push((self.mode.clone(), segment));
+            let (next, after, energy) = match changed {
+                Ok(changed) => changed,
+                Err(error) => return stopped(all, last.t, error),
+            };
+            self.work = last.work + energy;
+            (self.now, self.mode) = (whole(&last, after), next);
+            if over {
+                return Ok(all);
+            }
+            self.at_once = if last.t == from { self.at_once + 1 } else { 0 };
+            if self.at_once > MOST_AT_ONCE {
+                let message = format!(
+                    "events change what holds without end: {}; let one of them act only once (once=True), or in one \
+                     direction",
+                    self.maker.latest()
+                );
+                return stopped(all, last.t, refuse(message));
+            }
+        }
+    }
+}
+
+/// A state with its whole turns in its coordinates, and with these velocities.
+fn whole(x: &Output, v: Vec<f64>) -> Output {
+    let q: Vec<f64> = x.q.iter().zip(&x.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
+    Output { t: x.t, turns: vec![0; q.len()], q, v, ..Output::default() }
+}
+
 /// Integrate a mechanism whose events act.
 ///
 /// # Errors
 /// See [`run`](super::run()); where a later segment cannot begin the run ends there instead.
 pub fn in_segments(
-    plan: &Plan,
+    plan: Plan,
     functions: Box<dyn EventFunctions>,
     request: &Request,
     t_eval: &[f64],
-    (q, v): (&[f64], &[f64]),
+    start: (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Segments, AnalysisError> {
-    let (mut maker, mode) = Maker::new(plan, functions, (request.t0, request.t_end))?;
-    let zero = vec![0; q.len()];
-    let mut now = Output { t: request.t0, q: q.to_vec(), v: v.to_vec(), turns: zero, ..Output::default() };
-    let (mut mode, first, energy) = maker.change(&mode, &now, &[])?;
-    now.v = first;
-    let (mut work, mut bytes, mut at_once, mut exchanged) = (energy, request.step_bytes, 0, 0.0);
-    let mut all: Vec<Segment> = Vec::new();
-    loop {
-        let own = Request { t0: now.t, step_bytes: bytes, exchanged_before: exchanged, ..request.clone() };
-        let times = &t_eval[t_eval.partition_point(|t| *t < now.t)..];
-        let mut segment = match maker.segment(&mode, &own, times, &now, watch) {
-            Ok(segment) => segment,
-            Err(error) => return stopped(all, maker.happenings, now.t, error),
-        };
-        let run = &mut segment.run;
-        exchanged += run.exchanged;
-        bytes = bytes.saturating_sub(run.log.steps.as_ref().map_or(0, |steps| steps.0.bytes()));
-        run.log.outputs.iter_mut().for_each(|x| x.work += work);
-        run.occurrences.iter_mut().for_each(|x| x.state.work += work);
-        maker.note(&run.occurrences);
-        let last = run.occurrences.last().map(|x| x.state.clone());
-        let Some(last) = last.filter(|_| run.outcome.status == Status::Event) else {
-            all.push(segment);
-            return Ok(Segments::new(all, maker.happenings));
-        };
-        let occurred: Vec<Occurrence> = run.occurrences.iter().filter(|x| x.state.t == last.t).cloned().collect();
-        let changed = maker.change(&mode, &last, &occurred);
-        let ends = maker.ends(&occurred);
-        let over = ends || request.t_end - last.t <= tolerance::SUM_ROUNDING * request.t_end.abs();
-        if let (Ok((_, after, _)), false) = (&changed, ends) {
-            // an output at that instant is the state after it
-            run.log.outputs.retain(|x| x.t < last.t);
-            let late = if over { t_eval.partition_point(|t| *t < last.t) } else { t_eval.len() };
-            let at_the_end = |&t: &f64| Output { t, v: after.clone(), ..last.clone() };
-            run.log.outputs.extend(t_eval[late..].iter().map(at_the_end));
-        }
-        all.push(segment);
-        let (next, after, energy) = match changed {
-            Ok(changed) => changed,
-            Err(error) => return stopped(all, maker.happenings, last.t, error),
-        };
-        if over {
-            return Ok(Segments::new(all, maker.happenings));
-        }
-        at_once = if last.t == now.t { at_once + 1 } else { 0 };
-        if at_once > MOST_AT_ONCE {
-            let message = format!(
-                "events change what holds without end: {}; let one of them act only once (once=True), or in one direction",
-                maker.latest()
-            );
-            return stopped(all, maker.happenings, last.t, refuse(message));
-        }
-        work = last.work + energy;
-        let whole = last.q.iter().zip(&last.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
-        now = Output { t: last.t, q: whole, v: after, ..Output::default() };
-        mode = next;
-    }
+    let mut standing = Standing::new(Arc::new(plan), functions, request, start)?;
+    let all = standing.go_on(request, t_eval, watch)?;
+    Ok(Segments::new(all.into_iter().map(|x| x.1).collect(), standing.maker.happenings))
 }
 
 /// A run that cannot go on at t.
-fn stopped(
-    mut all: Vec<Segment>,
-    happenings: Vec<Happening>,
-    t: f64,
-    error: AnalysisError,
-) -> Result<Segments, AnalysisError> {
-    let Some(last) = all.last_mut() else { return Err(error) };
+fn stopped(mut all: Vec<(Mode, Segment)>, t: f64, error: AnalysisError) -> Result<Vec<(Mode, Segment)>, AnalysisError> {
+    let Some((_, last)) = all.last_mut() else { return Err(error) };
     let outcome = &mut last.run.outcome;
     (outcome.status, outcome.message) = (Status::EvaluationFailed, format!("stopped at t = {t:.6} s: {error}"));
     if let AnalysisError::System(error) = error {
         outcome.error = Some(error);
     }
-    Ok(Segments::new(all, happenings))
+    Ok(all)
 }

@@ -154,6 +154,34 @@ impl<'s> Stepping<'s> {
         Ok(())
     }
 
+    /// Find events from here on, until the motion begins anew.
+    pub(super) fn observe_once(&mut self, observe: Observe) {
+        self.march.observe(observe);
+    }
+
+    /// Count ticks from another one on.
+    pub(super) fn count_from(&mut self, origin: f64, count: u64) {
+        (self.origin, self.count) = (origin, count);
+    }
+
+    /// Strike the last tick from the record.
+    pub(super) fn withdraw(&mut self) {
+        self.count -= 1;
+        self.steps -= 1;
+        if let Some(kept) = &mut self.kept {
+            kept.pop();
+        }
+    }
+
+    /// Go on from the state before a tick that was withdrawn.
+    ///
+    /// # Errors
+    /// Where it cannot be evaluated.
+    pub(super) fn go_back(&mut self, before: Output) -> Result<(), AnalysisError> {
+        self.now = Output { turns: vec![0; before.q.len()], ..before };
+        self.back()
+    }
+
     /// The events of the last tick, in the order of time.
     pub fn occurred(&self) -> &[Occurrence] {
         &self.occurred

@@ -5,7 +5,7 @@ use super::mode::{Bounds, FrictionOf, Mode, Own, StickSlip, StopOf, Whole, RATE_
 use super::{Action, Happening, Kind, Plan, Segment, Slipping};
 use crate::error::AnalysisError;
 use crate::run::impact::OneSided;
-use crate::run::Request;
+use crate::run::{Request, Run};
 use partita_integrate::simulate::Observe;
 use partita_math::tolerance;
 use partita_model::Model;
@@ -22,8 +22,8 @@ use std::sync::{Arc, Mutex};
 const MOST_KEPT: usize = 64;
 
 /// The whole of a run while it is made.
-pub(super) struct Maker<'p> {
-    pub(super) plan: &'p Plan,
+pub(super) struct Maker {
+    pub(super) plan: Arc<Plan>,
     pub(super) functions: Shared,
     pub(super) stops: Vec<StopOf>,
     pub(super) frictions: Vec<FrictionOf>,
@@ -46,9 +46,9 @@ pub(super) fn refuse(message: String) -> AnalysisError {
     AnalysisError::Argument { argument: "events", message }
 }
 
-impl<'p> Maker<'p> {
+impl Maker {
     pub(super) fn new(
-        plan: &'p Plan,
+        plan: Arc<Plan>,
         functions: Box<dyn EventFunctions>,
         (t0, t_end): (f64, f64),
     ) -> Result<(Self, Mode), AnalysisError> {
@@ -152,9 +152,15 @@ impl<'p> Maker<'p> {
         now: &Output,
         watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
     ) -> Result<Segment, AnalysisError> {
-        let (whole, (model, rows)) = (self.whole(&mode.whole)?, self.model(mode)?);
+        let (whole, (model, _)) = (self.whole(&mode.whole)?, self.model(mode)?);
         let observe = self.observe(mode, &whole, &model);
         let run = crate::run::observed(&*model, request, None, times, (&now.q, &now.v), Some(observe), watch)?;
+        self.with_run(mode, run)
+    }
+
+    /// The segment of a run in a mode.
+    pub(super) fn with_run(&mut self, mode: &Mode, run: Run) -> Result<Segment, AnalysisError> {
+        let (whole, (model, rows)) = (self.whole(&mode.whole)?, self.model(mode)?);
         let rubbing = self.frictions.iter().zip(&mode.frictions).filter(|x| x.1.sign() != 0);
         let slips = rubbing.map(|(x, acts)| Slipping { row: x.row, force: x.force, sign: acts.sign().into() });
         Ok(Segment { whole, model, rows, run, slips: slips.collect() })

@@ -23,7 +23,7 @@ pub(super) struct Settled {
     pub(super) accumulated: Option<(usize, f64)>,
 }
 
-impl Maker<'_> {
+impl Maker {
     /// Velocities after an instant, and the stops that press and the frictions that stick from there on; `held` are rows
     /// with their rates and `set` those of this instant alone, `passed` what has just ceased to last.
     pub(super) fn settled(

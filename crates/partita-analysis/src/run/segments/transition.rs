@@ -55,7 +55,7 @@ fn check_spins(before: &Model, after: &Model, (t, q, v): (f64, &[f64], &[f64])) 
     Ok(())
 }
 
-impl Maker<'_> {
+impl Maker {
     /// These actions, with what they decide at a state in the place of each decision.
     pub(super) fn decided(&self, actions: &[Action], at: &MotionState) -> Result<Vec<Action>, AnalysisError> {
         let mut all = Vec::with_capacity(actions.len());
