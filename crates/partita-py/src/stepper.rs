@@ -78,7 +78,7 @@ impl Steps {
 /// What a stepper has recorded.
 enum Recorded {
     Plain(Box<Run>),
-    Acting(Segments),
+    Acting(Box<Segments>),
 }
 
 impl Standing {
@@ -244,13 +244,13 @@ impl Stepper {
         let found = self.with(py, |motion| {
             Ok(match motion {
                 Steps::Plain(x) => Recorded::Plain(Box::new(x.reported(here))),
-                Steps::Acting(x) => Recorded::Acting(x.reported(here, model)?),
+                Steps::Acting(x) => Recorded::Acting(Box::new(x.reported(here, model)?)),
             })
         })?;
         let model = model.unwrap_or(&self.model);
         match found {
             Recorded::Plain(found) => run::left(py, model, *found),
-            Recorded::Acting(found) => segments::reported_segments(py, model, found, None),
+            Recorded::Acting(found) => segments::reported_segments(py, model, *found, None),
         }
     }
 }
