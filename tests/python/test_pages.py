@@ -538,3 +538,26 @@ def main(arguments: list[str]) -> int:
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))
+
+
+def test_impulses_flash_where_velocities_jump(browser: Chromium, tmp_path: Path) -> None:
+    """A crank that hits a stop: arrows of the impulse beside those of forces, at the output next to it and after it while
+    the page plays."""
+    m = pt.Mechanism("hammer", gravity=(0, -9.81, 0))
+    m.add_rod("hammer", start=(0, 0, 0), end=(1, 0, 0), mass=2.0)
+    m.add_revolute("A", m.ground, "hammer", point=(0, 0, 0))
+    m.add_stop("anvil", "A", lower=-1.0, restitution=0.3)
+    run = m.simulate(1.0, t_eval=np.linspace(0.0, 1.0, 101))
+    hit = run.events[0]
+    path = viewer.write_html(run, tmp_path / "impulse.html")
+    assert faults(browser, path, fixed_bytes(), screens=LOOKED_AT) == []
+    browser.open(path, DESKTOP, at="#still")
+    nearest = int(np.abs(run.t - hit.t).argmin())
+
+    def arrows(frame: int) -> int:
+        browser.value(f"partita.show({run.t[frame]})")
+        return int(browser.value("new Promise((r) => requestAnimationFrame(() => requestAnimationFrame(() => "
+                                 "r(partita.arrows().length))))"))  # fmt: skip
+
+    assert (arrows(nearest - 5), arrows(nearest), arrows(nearest + 20)) == (1, 2, 1)
+    assert browser.reported == []

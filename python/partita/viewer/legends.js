@@ -70,11 +70,12 @@ class Legends {
 
   /** Round lengths, forces and moments as drawn, in the lower right corner, and what unlike arrows mean. */
   scales() {
-    const { camera, arrowSpan, options, forceUnit, momentUnit, unlike, run } = this.scene, { painter } = this;
+    const { camera, arrowSpan, options, forceUnit, momentUnit, impulseUnit, unlike, run } = this.scene, { painter } = this;
     const rows = [[1 / camera.scale, COLOURS.ink, "m"]];
     const span = arrowSpan * options.arrows * camera.scale; // pixels of a large reaction
     if (options.forces && forceUnit > 0) rows.push([forceUnit / span, COLOURS.force, "N"]);
     if (options.moments && momentUnit > 0) rows.push([momentUnit / span, COLOURS.moment, "N m"]);
+    if (options.forces && impulseUnit > 0) rows.push([impulseUnit / span, COLOURS.impulse, "N s"]);
     const right = camera.width - 16;
     let y = camera.height - 18;
     for (const [perPixel, colour, name] of rows) {

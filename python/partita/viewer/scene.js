@@ -2,6 +2,7 @@
 
 const SUPPORT = 1.4; // height of a support with its hatching, in parts of its size
 const TAIL = 0.08; // of a tangled path the last part of the run is shown
+const FLASH = 0.04; // of the run: how long an impulse is seen
 const MOST_ARROW = 1.5; // an arrow longer than this many times a large one is cut, and marked
 
 function largestForce(table, frames) {
@@ -37,6 +38,8 @@ class Scene {
     const pushes = s.loads.map((_, n) => largestForce(run.tables[`load${n}`], run.frames));
     this.loadUnit = this.forceUnit || Math.max(0, ...pushes);
     this.momentUnit = this.unitOf("moment", "N m");
+    const struck = (s.events ? s.events.rows : []).flatMap((row) => row[3] || []);
+    this.impulseUnit = Math.max(0, ...struck.map(([, ...impulse]) => length(impulse)));
     this.options = {
       names: s.joints.length <= 24, traces: this.paths.length <= 6, forces: true, moments: false, loads: true, arrows: 1,
       follow: this.near !== null, whole: false,
@@ -132,6 +135,7 @@ class Scene {
     this.joints(painter, frame);
     painter.paint();
     this.reactions(painter, frame);
+    this.impulses(painter, frame, moving);
     this.loads(painter, frame);
     this.points(painter, frame);
     painter.paint();
@@ -371,6 +375,21 @@ class Scene {
         }
       }
     });
+  }
+
+  /** Impulses of joints where velocities jump: arrows that flash and shrink. At rest those of the output next to it. */
+  impulses(painter, frame, moving) {
+    const { run, impulseUnit } = this, span = this.arrowSpan * this.options.arrows;
+    if (!this.options.forces || !(impulseUnit > 0)) return;
+    const now = run.timeOf(frame), lasts = FLASH * (run.t[run.frames - 1] - run.t[0]);
+    for (const [t, , , impulses] of run.scene.events.rows) {
+      const left = moving ? 1 - (now - t) / lasts : Number(run.frameAt(t) === Math.round(frame));
+      if (!impulses || !(left > 0 && left <= 1)) continue;
+      for (const [j, ...impulse] of impulses) {
+        const point = run.jointPoint(frame, j), drawn = scaled(impulse, (left * span) / impulseUnit);
+        if (isFinite3(point)) this.arrowDrawn(painter.arrow(point, drawn, COLOURS.impulse, 1, false, MOST_ARROW * span));
+      }
+    }
   }
 
   /** Applied forces: their arrows end where they act. */

@@ -481,7 +481,7 @@ def _switches(result: ResultView) -> list[dict[str, Any]]:
 
 def _events(result: ResultView) -> dict[str, Any]:
     """Names, the number of events, and [time, number of the name, direction] of the first ones and of one of each part
-    of the run after them."""
+    of the run after them, with the impulses of joints [number, x, y, z] where velocities jump."""
     events = happened(result)
     names = list(dict.fromkeys([*getattr(events, "names", ()), *(event.name for event in events)]))
     times = np.array([event.t for event in events], dtype=float)
@@ -492,6 +492,12 @@ def _events(result: ResultView) -> dict[str, Any]:
         shown += (MOST_FULL + np.unique(parts, return_index=True)[1]).tolist()
     number = {name: i for i, name in enumerate(names)}
     rows = [[float(events[i].t), number[events[i].name], int(events[i].direction)] for i in shown]
+    joints = {name: j for j, name in enumerate(result.names.joints)}
+    for row, i in zip(rows, shown, strict=True):
+        given = getattr(events[i], "impulses", {})
+        forces = {joints[name]: x.force for name, x in given.items() if name in joints and x.force is not None}
+        if forces:
+            row.append([[j, *(float(x) for x in force)] for j, force in forces.items()])
     return {"names": names, "count": len(events), "rows": rows}
 
 
