@@ -603,3 +603,32 @@ def test_what_a_stepper_cannot_do_with_events_is_said() -> None:
         m.stepper(0.01, events=[pt.Event("e", "A", value=1.0, then=pt.SetInput("motor", 1.0))])
     with pytest.raises(pt.errors.ArgumentError, match="terminal"):
         m.stepper(0.01, events=[pt.Event("e", "A", value=1.0, terminal=True)])
+
+
+@COORDINATES
+def test_a_follower_lifts_off_its_cam_and_lands(coordinates: str) -> None:
+    """A cam face that is driven by 6 mm (1 - cos 3a), a = 15 t^2; a follower of 0.4 kg on a spring of 900 N/m with 25 N
+    of preload that rests on the face. Times by roots of closed forms, in 45 digits."""
+    m = pt.Mechanism("cam", gravity=(0, -9.81, 0))
+    face = m.add_body("face", mass=0.1, inertia=(1, 1, 1))
+    follower = m.add_body("follower", mass=0.4, inertia=(1, 1, 1))
+    m.add_prismatic("lift", m.ground, face, axis=(0, 1, 0))
+    m.add_prismatic("gap", face, follower, axis=(0, 1, 0))
+    m.add_drive("lift", position=lambda t: 0.006 * (1.0 - np.cos(45.0 * t * t)))
+    rest = 25.0 / 900.0
+    m.add_spring("spring", m.ground, (0, -1, 0), follower, (0, 0, 0), stiffness=900.0, length=1.0 - rest)
+    m.add_stop("contact", "gap", lower=0.0, restitution=0.0)
+    start = m.assemble(coordinates=coordinates)
+    run = m.simulate(1.59, coordinates=coordinates, initial=start, **TIGHT)
+    assert run.success, run.message
+    right = [
+        (1.46853201761439565605, "lift-off"), (1.47943808607179613487, "impact"),
+        (1.51419403056774039888, "lift-off"), (1.52931440199576858086, "impact"),
+        (1.55886092155541067554, "lift-off"), (1.57663745762078184106, "impact"),
+    ]  # fmt: skip
+    found = [event for event in run.events if event.kind != "rest"]
+    assert [event.kind for event in found] == [kind for _, kind in right]
+    assert [event.t for event in found] == pytest.approx([t for t, _ in right], rel=1e-10)
+    lands = found[1]
+    assert lands.impulses["contact"].effort == pytest.approx(0.03282792054, rel=1e-7)
+    assert run.force("contact").effort.min() >= -1e-9

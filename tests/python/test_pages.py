@@ -541,8 +541,7 @@ if __name__ == "__main__":
 
 
 def test_impulses_flash_where_velocities_jump(browser: Chromium, tmp_path: Path) -> None:
-    """A crank that hits a stop: arrows of the impulse beside those of forces, at the output next to it and after it while
-    the page plays."""
+    """A hammer that hits a stop: an arrow of the impulse beside that of the force, at the output next to it alone."""
     m = pt.Mechanism("hammer", gravity=(0, -9.81, 0))
     m.add_rod("hammer", start=(0, 0, 0), end=(1, 0, 0), mass=2.0)
     m.add_revolute("A", m.ground, "hammer", point=(0, 0, 0))

@@ -202,7 +202,7 @@ def ensemble(
     >>> found.q.shape
     (100, 3, 3)
     """
-    without_holding(self, "an ensemble")
+    without_holding(self, "an ensemble (pt.sweep runs members one by one)")
     model, _ = layout_of(self, "relative")
     numbers, values = _values(parameters, model)
     starts = _starts(self, states, model)

@@ -48,7 +48,8 @@ class EventRecord:
     after: State
     """The state from which the motion goes on: the same where nothing acts on it."""
     impulses: Mapping[str, Impulse] = field(default_factory=dict)
-    """Where velocities jump: the impulses of all joints by name, and those of what holds: "lock of A", "stop wall"."""
+    """Where velocities jump: the impulses of all joints by name, and those of what holds: "lock of A", "stop wall",
+    elements by their names."""
     energy_lost: float = 0.0
     """Loss of kinetic energy [J]."""
 
@@ -144,6 +145,9 @@ def written(
             item["after"] = after
         if impulses:
             along = {name: impulses[rows[0]] for name, rows in drives.items() if len(rows) == 1}
+            for element, by in summary.get("holding", {}).items():
+                # both ends of a stop are one element
+                along[element] = sum(along.pop(name) if name.startswith(f"{element}, ") else along[name] for name in by)
             item["impulses"] = {name: x for name, x in along.items() if x != 0.0}
             item["joints"] = {name: [list(w), list(known)] for name, (w, known) in zip(joints, of_joints, strict=True)}
             item["energy_lost"] = lost
