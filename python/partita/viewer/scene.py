@@ -491,7 +491,7 @@ def _events(result: ResultView) -> dict[str, Any]:
         parts = np.floor((times[MOST_FULL:] - float(result.t[0])) * (MARKS / span))
         shown += (MOST_FULL + np.unique(parts, return_index=True)[1]).tolist()
     number = {name: i for i, name in enumerate(names)}
-    rows = [[float(events[i].t), number[events[i].name], int(events[i].direction)] for i in shown]
+    rows: list[list[Any]] = [[float(events[i].t), number[events[i].name], int(events[i].direction)] for i in shown]
     joints = {name: j for j, name in enumerate(result.names.joints)}
     for row, i in zip(rows, shown, strict=True):
         given = getattr(events[i], "impulses", {})
