@@ -398,7 +398,6 @@ def test_what_sticks_is_refused_where_only_a_run_can_follow_it() -> None:
         "equilibria": lambda: m.equilibria(),
         "linearize": lambda: m.linearize(),
         "inverse_dynamics": lambda: m.inverse_dynamics((np.linspace(0, 1, 5), {"O": np.linspace(-0.5, -0.4, 5)})),
-        "an ensemble": lambda: m.ensemble(t_eval=[0.0, 1.0], states=[state]),
         "C source": lambda: m.export_c("rub.c"),
         "an FMU": lambda: m.to_fmu("rub.fmu"),
         "a playground": lambda: m.to_playground("rub.html"),
@@ -632,3 +631,23 @@ def test_a_follower_lifts_off_its_cam_and_lands(coordinates: str) -> None:
     lands = found[1]
     assert lands.impulses["contact"].effort == pytest.approx(0.03282792054, rel=1e-7)
     assert run.force("contact").effort.min() >= -1e-9
+
+
+@pytest.mark.parametrize("workers", [None, 1])
+def test_members_of_an_ensemble_are_ordinary_runs_where_something_holds(workers: int | None) -> None:
+    m = wheel()
+    m.add_brake("brake", "A", 2.0)
+    states = [m.assemble(rates={"A": rate}) for rate in (1.0, -2.0, 3.0)]
+    times = [0.0, 0.25, 1.0]
+    found = m.ensemble(states=states, t_eval=times, workers=workers)
+    assert found.success.all() and not found.in_lanes.any() and '"brake" holds at times' in found.notes[0]
+    rates, angles = np.array([1.0, -2.0, 3.0]), 0.5 * np.array([1.0, -4.0, 9.0]) * 0.4 / 2.0
+    assert found.q[:, -1, 0] == pytest.approx(angles, rel=1e-12) and np.abs(found.v[:, -1]).max() < 1e-13
+    slow = np.abs(rates) - 5.0 * 0.25
+    assert found.v[:, 1, 0] == pytest.approx(np.sign(rates) * np.maximum(slow, 0.0), abs=1e-12)
+    assert [event.kind for event in found.result(2).events] == ["stick"]
+    other = m.ensemble(parameters={"brake.dynamic": [1.0, 2.0]}, t_eval=times)
+    assert not other.v.any() and other.success.all()
+    m.add_stop("end", "A", upper=-1.0, restitution=0.0)
+    beyond = m.ensemble(states=states, t_eval=times)
+    assert not beyond.success.any() and np.isnan(beyond.q).all() and "beyond the stop" in beyond.messages[0]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Iterable, Mapping
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +17,7 @@ from .. import options as run_options
 from ..analyses.still import place
 from ..builder.compiled import CompiledModel
 from ..builder.parameter_units import parameter_unit
-from ..errors import ArgumentError, UnknownNameError
+from ..errors import ArgumentError, Interrupted, PartitaError, UnknownNameError
 from ..events import Event
 from ..extras import extra
 from ..numeric import floats, is_list, shown
@@ -24,7 +26,7 @@ from ..results import Result
 from ..state import State
 from ..sweep.ensemble_store import MemberStore, identity, opened
 from .models import Modelled, layout_of
-from .set_valued import without_holding
+from .set_valued import is_set_valued
 from .solve import simulate, start_of
 
 if TYPE_CHECKING:
@@ -202,14 +204,13 @@ def ensemble(
     >>> found.q.shape
     (100, 3, 3)
     """
-    without_holding(self, "an ensemble (pt.sweep runs members one by one)")
     model, _ = layout_of(self, "relative")
     numbers, values = _values(parameters, model)
     starts = _starts(self, states, model)
     count = _members(starts, values, states is not None)
     t0 = starts[0].t
     times = _times(t_eval, t0)
-    tolerances = {"rtol": rtol, "atol": atol}
+    tolerances: dict[str, Any] = {"rtol": rtol, "atol": atol}
     chosen = run_options.options(t0, float(times[-1]) - t0, model.velocity_names, rtol=rtol, atol=atol)
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
         raise ArgumentError(f"workers must be a positive integer, not {shown(workers)}", argument="workers")
@@ -219,6 +220,7 @@ def ensemble(
     lists = [x.q for x in starts], [x.v for x in starts]
     q, v = (np.concatenate(x).reshape(len(starts), width) for x, width in zip(lists, widths, strict=True))
     shapes = [(count, len(times), width) for width in widths]
+    holding = next((x.name for x in self._description.forces.values() if is_set_valued(x)), None)
 
     def whose() -> str | None:
         more = [rtol, atol, t0, [list(x) for x in numbers], states is None, AT_ONCE]
@@ -235,6 +237,16 @@ def ensemble(
                     report((first + done * (last - first)) / count)
 
             rows = slice(None) if states is None else slice(first, last)
+            if holding is not None:
+                members: list[dict[str, Any]] = [
+                    {"parameters": {name: x[i] for name, x in values.items()} or None}
+                    | {"initial": None if states is None else starts[i]}
+                    for i in range(first, last)
+                ]
+                span = (t0, times)
+                found = _one_by_one(self, members, span, tolerances, (widths, threads, holding, forward))
+                forward(1.0)
+                return found
             found = model.core.ensemble(
                 chosen.core,
                 times,
@@ -251,6 +263,57 @@ def ensemble(
 
         raw = part(0, count) if kept is None else _in_parts(part, count, kept)
     return Ensemble(copy.deepcopy(self), model, times, starts, values, tolerances, raw, states is None)
+
+
+def _one_by_one(
+    mechanism: Modelled,
+    members: Sequence[dict[str, Any]],
+    span: tuple[float, FloatArray],
+    tolerances: dict[str, Any],
+    how: tuple[tuple[int, int], int | None, str, Callable[[float], None]],
+) -> dict[str, Any]:
+    """Members as ordinary runs, in which elements hold at times; of a run that ends early the rest is NaN."""
+    (nq, nv), threads, name, forward = how
+    (t0, times), count = span, len(members)
+    nt = len(times)
+    q, v = np.full((count, nt, nq), np.nan), np.full((count, nt, nv), np.nan)
+    status, messages = ["finished"] * count, list[tuple[int, str]]()
+    duration = float(times[-1]) - t0
+
+    stopped = threading.Event()
+
+    def look(_: float) -> None:
+        if stopped.is_set():
+            raise CancelledError
+
+    def run(member: dict[str, Any]) -> Result | PartitaError:
+        try:
+            return simulate(mechanism, duration, t_eval=times, progress=look, **member, **tolerances)
+        except Interrupted:
+            raise
+        except PartitaError as error:
+            return error
+
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        try:
+            for i, found in enumerate(pool.map(run, members)):
+                if isinstance(found, PartitaError):
+                    status[i] = "evaluation-failed"
+                    messages.append((i, str(found)))
+                else:
+                    q[i, : len(found.t)], v[i, : len(found.t)] = found.q, found.v
+                    status[i] = found.status
+                    if not found.success:
+                        messages.append((i, found.message))
+                forward((i + 1) / count)
+        except BaseException:
+            # an interrupt reaches this thread alone
+            stopped.set()
+            pool.shutdown(cancel_futures=True)
+            raise
+    refusal = f'"{name}" holds at times, which each run finds by its own steps'
+    ended = {"status": status, "messages": messages, "steps": 0, "refusal": refusal}
+    return {**ended, "q": q, "v": v, "in_lanes": np.zeros(count, dtype=bool)}
 
 
 def _in_parts(part: Callable[[int, int], dict[str, Any]], count: int, kept: MemberStore) -> dict[str, Any]:
