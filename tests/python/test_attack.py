@@ -309,6 +309,7 @@ def built() -> dict[str, Callable[[], Call]]:
             "length": 0.5,
             "exponent": 1.5,
             "damping": 0.1,
+            "restitution": None,
         },
         "add_gas_strut": {
             "name": "gs",

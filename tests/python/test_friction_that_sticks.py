@@ -651,3 +651,39 @@ def test_members_of_an_ensemble_are_ordinary_runs_where_something_holds(workers:
     m.add_stop("end", "A", upper=-1.0, restitution=0.0)
     beyond = m.ensemble(states=states, t_eval=times)
     assert not beyond.success.any() and np.isnan(beyond.q).all() and "beyond the stop" in beyond.messages[0]
+
+
+@COORDINATES
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_rope_that_does_not_stretch_becomes_taut_and_swings(coordinates: str, restitution: float) -> None:
+    """A ball thrown sideways on a slack rope: a parabola until it is taut, where the radial part of its velocity stops
+    or is returned; then, without rebound, a pendulum."""
+    m = pt.Mechanism("rope", gravity=(0, -9.81, 0))
+    ball = m.add_body("ball", mass=0.8, inertia=(1e-3, 1e-3, 1e-3), position=(0, 0, 0))
+    m.add_planar("P", m.ground, ball, normal=(0, 0, 1))
+    m.add_rope("rope", m.ground, (0, 0, 0), ball, (0, 0, 0), length=1.0, restitution=restitution)
+    start = m.assemble(rates={"P": (1.5, 0.0, 0.0)}, coordinates=coordinates)
+    run = m.simulate(1.2, coordinates=coordinates, initial=start, **TIGHT)
+    assert run.success and run.certificate.verdict == "valid", run.message
+    # (1.5 t)^2 + (g t^2 / 2)^2 = 1
+    square = (-(1.5**2) + math.sqrt(1.5**4 + 9.81**2)) / (2.0 * (9.81 / 2.0) ** 2)
+    taut = math.sqrt(square)
+    assert run.events[0].t == pytest.approx(taut, rel=1e-11) and run.events[0].name == "rope"
+    at = np.array([1.5 * taut, -0.5 * 9.81 * square])
+    before, after = np.array([1.5, -9.81 * taut]), None
+    radial = before @ at
+    after = before - (1.0 + restitution) * radial * at
+    index = int(np.searchsorted(run.t, taut))
+    moved = run.body("ball").velocity[index, :2] - np.array([0.0, -9.81]) * (run.t[index] - taut)
+    assert run.events[0].energy_lost == pytest.approx(0.4 * (1.0 - restitution**2) * radial**2, rel=1e-9)
+    assert run.events[0].impulses["rope"].effort == pytest.approx(-0.8 * (1.0 + restitution) * radial, rel=1e-9)
+    if restitution:
+        assert moved == pytest.approx(after, rel=1e-9)
+        return
+    assert [event.kind for event in run.events] == ["impact", "rest"]
+    apart = np.linalg.norm(run.body("ball").position, axis=1)
+    assert apart.max() < 1.0 + 1e-12 and np.ptp(apart[run.t > taut]) < 1e-12
+    # tension of a pendulum from its energy
+    place, speed = run.body("ball").position[-1], run.body("ball").velocity[-1]
+    tension = 0.8 * (speed @ speed - 9.81 * place[1])
+    assert run.force("rope").effort[-1] == pytest.approx(-tension, rel=1e-9)

@@ -21,9 +21,10 @@ ROPE = Load(
     "rope",
     **BETWEEN,
     length=amount("m", above=0.0, absent=as_drawn, kept=True),
-    stiffness=amount(lambda call: per_power("N", "m", call["exponent"]), least=0.0),
+    stiffness=amount(lambda call: per_power("N", "m", call["exponent"]), least=0.0, absent=0.0),
     exponent=amount(least=1.0),
     damping=amount("s/m", least=0.0),
+    restitution=amount(least=0.0),
     lost="nothing holds its ends together",
 )
 GAS_STRUT = Load(
@@ -89,26 +90,35 @@ def add_rope(
     body2: Body | str,
     point2: ArrayLike,
     *,
-    stiffness: Quantity,
+    stiffness: Quantity | None = None,
     length: Quantity | None = None,
     exponent: float = 1.0,
     damping: Quantity = 0.0,
+    restitution: float | None = None,
 ) -> Force:
     """Add a rope, cable or chain without mass between two points: it pulls, never pushes, and goes slack.
 
     Where the points are farther apart than `length`, by the stretch s, they are pulled together by
     stiffness s^exponent (1 + damping ds/dt), never apart; nothing acts where they are nearer. A step of a run ends
-    where the rope becomes taut or slack. Prefer `add_distance` for a rope that is always taut and does not stretch,
-    `add_spring` where compression acts too. A rope over a wheel is a rack (`add_rack`) or a belt (`add_belt`).
+    where the rope becomes taut or slack.
+
+    With a `restitution` in place of a stiffness it does not stretch: where it becomes taut velocities jump (`run.events`
+    has the impulses of all joints), it stays taut as long as it pulls, and `run.force(name).effort` is minus its
+    tension. Analyses of one state refuse it.
+
+    Prefer `add_distance` for a rope that is always taut and does not stretch, `add_spring` where compression acts too. A
+    rope over a wheel is a rack (`add_rack`) or a belt (`add_belt`).
 
     Args:
         name: unique among the forces.
         body1, body2: two different bodies or the ground.
         point1, point2: in the axes of their body (world for the ground) [m].
-        stiffness: tension at a stretch of 1 m [N/m^exponent], not negative; of a rope E A / length.
+        stiffness: tension at a stretch of 1 m [N/m^exponent], not negative; of a rope E A / length. None: it does not
+            stretch.
         length: without tension [m], above 0; None: the drawn distance.
         exponent: power of the stretch, at least 1.
         damping: relative increase of the tension per speed of stretching [s/m], not negative.
+        restitution: of a rope that does not stretch: 0: it becomes taut without rebound, 1: without loss.
 
     Raises `DescriptionError` for two ends on one body and for numbers out of range.
 
@@ -124,6 +134,13 @@ def add_rope(
     call = ROPE.checked(locals())
     if length is None and as_drawn(call) == 0.0:
         call.element.fail("both ends are at the same point as drawn, which is no length; give length")
+    rigid = call["restitution"]
+    if (rigid is None) == (call["stiffness"] is None):
+        call.element.fail("give a stiffness, for a rope that stretches, or a restitution, for one that does not")
+    if rigid is not None and rigid > 1.0:
+        call.element.fail(f"restitution = {rigid:g} would return more speed than came in; give 0 to 1")
+    if rigid is not None and (call["damping"] or call["exponent"] != 1.0):
+        call.element.fail("damping and exponent belong to a stiffness; a rope that does not stretch has none")
     return call.store()
 
 

@@ -23,6 +23,7 @@ _ADVICE = {
     "friction": "friction that sticks (without a stick_velocity): give it one, which makes it smooth",
     "stop": "a rigid stop (restitution): give it a stiffness in place of it",
     "contact": "a rigid contact (restitution): give it a stiffness in place of it",
+    "rope": "a rope that does not stretch (restitution): give it a stiffness in place of it",
     "freewheel": "a freewheel: leave it out, or lock the joint",
     "latch": "a latch: leave it out, or lock the joint",
 }
@@ -45,7 +46,7 @@ def is_set_valued(record: Any) -> TypeGuard[LoadRecord]:
     match record.kind:
         case "friction":
             return record.arguments.get("stick_velocity") in (None, 0.0)
-        case "stop" | "contact":
+        case "stop" | "contact" | "rope":
             return record.arguments.get("restitution") is not None
         case _:
             return record.kind in ("freewheel", "latch")
@@ -88,28 +89,30 @@ def _numbers(record: LoadRecord, field: str, model: CompiledModel) -> list[float
     return np.ravel(record[field] if changed is None else changed).astype(float).tolist()
 
 
-def _of_contact(record: LoadRecord, model: CompiledModel, hold: Hold) -> OfElement:
-    """Of a rigid contact: the centre of the sphere over the plane, or apart from the other centre."""
-    name, (radius,) = record.name, _numbers(record, "radius1", model)
+def _between(record: LoadRecord, model: CompiledModel, hold: Hold) -> OfElement:
+    """Of what bounds how far two points are apart: a rigid contact, the centre of its sphere over a plane or from
+    another centre, and a rope that does not stretch."""
+    name, one, other = record.name, record["body1"], record["body2"]
     point1, point2 = (_numbers(record, f"point{i}", model) for i in (1, 2))
-    one, other = record["body1"], record["body2"]
-    of: Distance | Along
-    if record["normal"] is None:
-        of = Distance(one, point1, other, point2)
-        measured = {"of": "distance", "body1": one, "point1": point1, "body2": other, "point2": point2}
-        radius += _numbers(record, "radius2", model)[0]
+    of: Distance | Along = Distance(one, point1, other, point2)
+    measured = {"of": "distance", "body1": one, "point1": point1, "body2": other, "point2": point2}
+    direction = -1
+    if record.kind == "rope":
+        (bound,), direction = _numbers(record, "length", model), 1
+    elif record["normal"] is None:
+        bound = _numbers(record, "radius1", model)[0] + _numbers(record, "radius2", model)[0]
     else:
-        axis = np.ravel(record["normal"]).tolist()
+        (bound,), axis = _numbers(record, "radius1", model), np.ravel(record["normal"]).tolist()
         of = Along(other, point2, axis, one, point1)
         measured = {"of": "along", "body1": other, "point1": point2, "axis": axis, "body2": one, "point2": point1}
-    drive = hold(name, measured, "position", radius)
-    law = {"drive": drive, "sign": 1.0, "restitution": _numbers(record, "restitution", model)[0]}
-    return OfElement(Event(name, of, value=radius, direction=-1), {"stop": law}, name, drive)
+    drive = hold(name, measured, "position", bound)
+    law = {"drive": drive, "sign": -float(direction), "restitution": _numbers(record, "restitution", model)[0]}
+    return OfElement(Event(name, of, value=bound, direction=direction), {"stop": law}, name, drive)
 
 
 def _of(record: LoadRecord, model: CompiledModel, hold: Hold, locked: Hold) -> Iterator[OfElement]:
-    if record.kind == "contact":
-        yield _of_contact(record, model, hold)
+    if record.kind in ("contact", "rope"):
+        yield _between(record, model, hold)
         return
     name, joint, coordinate = record.name, record["joint"], record["coordinate"]
     of, measured = Coordinate(joint, coordinate), {"of": "joint", "joint": joint, "coordinate": coordinate}

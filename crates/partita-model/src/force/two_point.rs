@@ -158,6 +158,8 @@ impl Line<f64> {
     pub(crate) fn corners(&self) -> [Option<Corner>; 2] {
         let corner = |length, farther, exponent| Some(Corner { length, farther, exponent });
         match self {
+            // one that does not stretch is held by a row
+            Self::Rope(x) if x.buffer.stiffness == 0.0 => [None; 2],
             Self::Rope(x) => [corner(x.length, true, x.buffer.exponent), None],
             Self::GasStrut(x) if x.ends.is_some() => {
                 [corner(x.length, true, 1.0), corner(x.length - x.stroke, false, 1.0)]

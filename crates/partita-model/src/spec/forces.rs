@@ -345,6 +345,9 @@ pub struct Rope {
     /// Growth of the tension with the speed of stretching [s/m].
     #[serde(default)]
     pub damping: f64,
+    /// Coefficient of restitution, of a rope that does not stretch, whose stiffness is 0: a run holds it by a row.
+    #[serde(default)]
+    pub restitution: Option<f64>,
 }
 
 fn straight() -> f64 {
@@ -353,9 +356,27 @@ fn straight() -> f64 {
 
 properties! { Rope {
     line [body1 point1, body2 point2]
-    numbers [point1, point2, length, stiffness, damping]
-    checks [without_size(length), negative(stiffness, damping), too_steep(exponent)]
+    numbers [point1, point2, length, stiffness, damping, restitution]
+    set_valued rigid
+    fault misjudged
 } }
+
+impl Rope {
+    fn rigid(&self) -> Option<&str> {
+        self.restitution.map(|_| "a rope that does not stretch (restitution): give it a stiffness")
+    }
+    fn misjudged(&self) -> Option<String> {
+        let rigid = self.restitution.and_then(|e| match () {
+            () if !(0.0..=1.0).contains(&e) => Some(format!("restitution = {e} must lie between 0 and 1")),
+            () if self.stiffness != 0.0 => Some("a rope that does not stretch (restitution) has no stiffness".into()),
+            () => None,
+        });
+        rigid
+            .or_else(|| without_size(&[("length", self.length)]))
+            .or_else(|| negative(&[("stiffness", self.stiffness), ("damping", self.damping)]))
+            .or_else(|| too_steep(&[("exponent", self.exponent)]))
+    }
+}
 
 /// A gas strut between two points of two bodies: it pushes them apart.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -338,6 +338,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
         stiffness: 0.4,
         exponent: 1.5,
         damping: 0.05,
+        restitution: None,
     }));
     all.push(Force::GasStrut(GasStrut {
         name: "strut".into(),
