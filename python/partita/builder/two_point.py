@@ -102,12 +102,12 @@ def add_rope(
     stiffness s^exponent (1 + damping ds/dt), never apart; nothing acts where they are nearer. A step of a run ends
     where the rope becomes taut or slack.
 
-    With a `restitution` in place of a stiffness it does not stretch: where it becomes taut velocities jump (`run.events`
-    has the impulses of all joints), it stays taut as long as it pulls, and `run.force(name).effort` is minus its
-    tension. Analyses of one state refuse it.
+    With a `restitution` in place of a stiffness it does not stretch: where it becomes taut velocities jump
+    (`run.events` has the impulses of all joints), it stays taut as long as it pulls, and `run.force(name).effort` is
+    minus its tension. Analyses of one state refuse it.
 
-    Prefer `add_distance` for a rope that is always taut and does not stretch, `add_spring` where compression acts too. A
-    rope over a wheel is a rack (`add_rack`) or a belt (`add_belt`).
+    Prefer `add_distance` for a rope that is always taut and does not stretch, `add_spring` where compression acts too.
+    A rope over a wheel is a rack (`add_rack`) or a belt (`add_belt`).
 
     Args:
         name: unique among the forces.
