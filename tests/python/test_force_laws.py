@@ -84,7 +84,7 @@ def bad_law(function: Any = lambda t: (0, 0, 0), **given: Any) -> Callable[[pt.M
     [
         (lambda m: m.add_bushing("B", "a", "a", (0, 0, 0), stiffness=(1,) * 6), "two different bodies"),
         (lambda m: m.add_bushing("B", "a", "b", (0, 0, 0), stiffness=(1,) * 5), "six numbers or a 6x6"),
-        (lambda m: m.add_friction("A", 1.0, stick_velocity=0.0), "greater than 0"),
+        (lambda m: m.add_friction("A", 1.0, stick_velocity=-1.0), "at least 0"),
         (lambda m: m.add_friction("A", -1.0, stick_velocity=1.0), "at least 0"),
         (lambda m: m.add_stop("A", stiffness=1.0), "neither a lower nor an upper"),
         (lambda m: m.add_stop("A", lower=1.0, upper=0.0, stiffness=1.0), "not below"),
