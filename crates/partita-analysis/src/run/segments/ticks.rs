@@ -9,6 +9,7 @@ use super::{Happening, Plan, Segment, Segments, Standing};
 use crate::error::AnalysisError;
 use crate::run::{Request, Run, SolutionLog, Stepping};
 use partita_integrate::simulate::{Observe, Outcome, Status};
+use partita_integrate::tableau::{self, ErrorWeights};
 use partita_model::Model;
 use partita_system::event::EventFunctions;
 use partita_system::record::Output;
@@ -16,6 +17,14 @@ use partita_system::SystemError;
 use std::mem;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+
+/// In place of a method with fixed steps alone.
+const ADAPTING: &str = "dop853";
+/// Tolerances of the steps of a tick in which something acts. Scale: as those of runs. Reason: a hundred times below those
+/// of a run, as steps of a stepper are short.
+const RTOL: f64 = 1e-10;
+/// The absolute one.
+const ATOL: f64 = 1e-12;
 
 /// Makes the functions of the events, from the start of a motion on.
 pub type MakeFunctions = Box<dyn Fn() -> Result<Box<dyn EventFunctions>, AnalysisError> + Send + Sync>;
@@ -35,6 +44,8 @@ pub struct Ticks {
     length: f64,
     steps: u32,
     keeps: bool,
+    /// Whether its method can adapt its steps.
+    adapts: bool,
     /// When the first tick began, and ticks since.
     origin: f64,
     count: u64,
@@ -90,6 +101,7 @@ impl Ticks {
         let (stints, occurred) = (Vec::new(), Vec::new());
         let happened = mem::take(&mut standing.maker.happenings);
         let (origin, count) = (t, 0);
+        let adapts = !tableau::by_name(&request.method).is_some_and(|x| matches!(x.error, ErrorWeights::None));
         Ok(Self {
             plan,
             functions,
@@ -97,6 +109,7 @@ impl Ticks {
             length,
             steps,
             keeps,
+            adapts,
             origin,
             count,
             standing,
@@ -135,7 +148,10 @@ impl Ticks {
     pub fn step(&mut self) -> Result<(), AnalysisError> {
         let before = super::whole(self.stepping.now(), self.stepping.now().v.clone());
         let work = self.stepping.now().work;
-        self.stepping.step()?;
+        if let Err(error) = self.stepping.step() {
+            // as beyond a stop, or where a step of this length does not see whether something happened
+            return self.in_segments(before, work).map_err(|_| error);
+        }
         let actions = &self.plan.actions;
         let acts = |event: usize| actions.get(event).is_none_or(|actions| !actions.is_empty());
         if self.stepping.occurred().iter().any(|x| acts(x.event)) {
@@ -154,7 +170,11 @@ impl Ticks {
     /// A tick in which something acts, from this state on, where this work has been done in the mode.
     fn in_segments(&mut self, before: Output, work: f64) -> Result<(), AnalysisError> {
         let t = self.origin + (self.count + 1) as f64 * self.length;
-        let request = Request { t0: before.t, t_end: t, ..self.request.clone() };
+        // steps that may be shorter
+        let method = if self.adapts { self.request.method.clone() } else { ADAPTING.into() };
+        let (step, max_step) = (None, self.request.step);
+        let request =
+            Request { t0: before.t, t_end: t, method, step, max_step, rtol: RTOL, atol: ATOL, ..self.request.clone() };
         let standing = &mut self.standing;
         let saved = (standing.mode.clone(), standing.now.clone(), standing.work, standing.exchanged);
         let counts = standing.maker.count.clone();
