@@ -75,6 +75,8 @@ pub struct Acting<'m> {
     pub count: usize,
     /// Those, of the whole mechanism, that are always held.
     pub always: &'m [usize],
+    /// Those among them that the mechanism itself has found to be combinations of the others.
+    pub dropped: &'m [usize],
 }
 
 /// Rows, each with a number: the rate that it is to have, or a force along it.
@@ -110,7 +112,8 @@ impl Impact {
             l = mass;
             let square = |j: usize| structure.velocities[j].displacement.powi(2);
             let largest = (0..n).fold(0.0, |m: f64, j| m.max(l[j * n + j] * square(j)));
-            for (i, &to) in acting.rows.iter().enumerate().filter(|x| acting.always.contains(x.1)) {
+            let counts = |row: &usize| acting.always.contains(row) && !acting.dropped.contains(row);
+            for (i, &to) in acting.rows.iter().enumerate().filter(|x| counts(x.1)) {
                 let row = dense_row(i);
                 let size: f64 = (0..n).map(|j| row[j] * row[j] * square(j)).sum();
                 weights[to] = if size > 0.0 { largest / size } else { 0.0 };
@@ -132,6 +135,12 @@ impl Impact {
         for (i, &to) in acting.rows.iter().enumerate() {
             let row = rows.row_mut(to);
             row.copy_from_slice(&dense_row(i));
+            let moved = row.iter().zip(&structure.velocities).map(|(x, v)| (x * v.displacement).abs());
+            // what is rounding has no direction
+            let empty = moved.fold(0.0, f64::max) <= tolerance::SOLUTION_ROUNDING * structure.rows[i].size();
+            if acting.dropped.contains(&to) || empty {
+                row.fill(0.0);
+            }
             dense::cholesky_forward(&l, n, row);
             lengths[to] = dense::dot(row, row).sqrt();
             if lengths[to] > 0.0 {

@@ -14,6 +14,7 @@ use partita_system::event::{MotionState, Occurrence};
 use partita_system::positions::turns;
 use partita_system::prelude::*;
 use partita_system::record::Output;
+use partita_system::start;
 
 /// Impulses of all joints with which velocities change by `dv`, with those along the rows.
 fn of_joints(
@@ -56,6 +57,16 @@ fn check_spins(before: &Model, after: &Model, (t, q, v): (f64, &[f64], &[f64])) 
 }
 
 impl Maker {
+    /// Rows of the mechanism itself, without what events hold, that are combinations of its others, as its runs find them;
+    /// none at a singular position.
+    fn dropped(&self, whole: &Model, t: f64, q: &[f64]) -> Vec<usize> {
+        let own = whole.permanent();
+        let rows = self.plan.model.rows_of(own);
+        let found = start::analyse(own, t, q).map(|start| start.dropped).unwrap_or_default();
+        let is_held = |row: &usize| !own.structure().rows[*row].is_drive;
+        found.into_iter().filter(is_held).map(|row| rows[row]).collect()
+    }
+
     /// These actions, with what they decide at a state in the place of each decision.
     pub(super) fn decided(&self, actions: &[Action], at: &MotionState) -> Result<Vec<Action>, AnalysisError> {
         let mut all = Vec::with_capacity(actions.len());
@@ -131,7 +142,9 @@ impl Maker {
         if next.whole.parted != mode.whole.parted {
             check_spins(&*self.whole(&mode.whole)?, &whole, (t, &q, &before.v))?;
         }
-        let acting = Acting { model: &whole, rows: &rows, count: self.plan.model.size().rows, always: &always };
+        let dropped = self.dropped(&whole, t, &q);
+        let count = self.plan.model.size().rows;
+        let acting = Acting { model: &whole, rows: &rows, count, always: &always, dropped: &dropped };
         let impact = Impact::new(&acting, t, &q, &before.v)?;
         let mut held: Vec<(usize, f64)> = always.iter().map(|&row| (row, 0.0)).collect();
         held.extend(next.locked.iter().filter_map(|name| self.rows.get(name)).map(|&row| (row, 0.0)));
@@ -163,7 +176,7 @@ impl Maker {
         }
         next.pressing = pressing;
         for (i, (from, to)) in mode.frictions.iter().zip(&frictions).enumerate() {
-            let (event, rises) = (self.frictions[i].event, from.sign().max(to.sign()) > 0);
+            let (event, rises) = (self.frictions[i].event, to.sign() > 0);
             match (from, to) {
                 _ if occurred.is_empty() => {}
                 (StickSlip::Slips(_), StickSlip::Sticks | StickSlip::Rests(_)) => {
