@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ import partita as pt
 from partita.errors import DescriptionError
 
 NAMES = [name for name in pt.catalogue.names() if name not in WITHOUT_EVENTS]
+ROOT = Path(__file__).parents[2]
 each = pytest.mark.parametrize("name", NAMES)
 
 
@@ -90,3 +93,29 @@ def test_reports_and_checks_take_them(name: str) -> None:
     driven = len(m.drives)
     wanted = {"ratchet-wrench": 2, "bicycle-hub": 2, "stick-slip": 2, "valve-float": 2}.get(name, 1)
     assert m.compile().mobility == wanted - driven
+
+
+def example(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(str(ROOT / "examples"))
+    found = importlib.util.spec_from_file_location("holding_example", ROOT / "examples" / "holding.py")
+    assert found is not None and found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    monkeypatch.setitem(sys.modules, "holding_example", module)
+    found.loader.exec_module(module)
+    return module
+
+
+def test_the_example_meets_its_known_answers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the picture of docs/holding.md is the one that it draws."""
+    pytest.importorskip("matplotlib")
+    assert example(monkeypatch).main(tmp_path) == 0
+    lines = capsys.readouterr().out.splitlines()[1:-1]
+    page = (ROOT / "docs" / "holding.md").read_text("utf-8")
+    assert f"compares {len(lines)} times, rates" in page and "better than 1e-9" in page
+    assert max(float(line.split()[-1]) for line in lines) < 1e-9
+    drawn, shown = ((folder / "holding.svg").read_text("utf-8") for folder in (tmp_path, ROOT / "docs" / "pictures"))
+    assert 0.8 < len(drawn) / len(shown) < 1.25 and len(shown) < 150_000
+    for danger in ("<script", "http://localhost", "foreignObject", "onload"):
+        assert danger not in shown
