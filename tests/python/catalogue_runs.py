@@ -9,6 +9,9 @@ import partita as pt
 from partita.catalogue import Entry
 from partita.results import Result
 
+WITHOUT_EVENTS = [name for name in pt.catalogue.names() if not pt.catalogue.entry(name).has_events]
+"""Entries that every analysis and every formulation takes; `test_holding` has the others."""
+
 
 @cache
 def entry_of(name: str, loops: int | None = None) -> Entry:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from catalogue_runs import WITHOUT_EVENTS
 from oracle import chance, elements
 from oracle.comparison import moving
 
@@ -45,7 +46,7 @@ def same(m: pt.Mechanism, duration: float, **options: Any) -> Any:
     return run
 
 
-@pytest.mark.parametrize("name", pt.catalogue.names())
+@pytest.mark.parametrize("name", WITHOUT_EVENTS)
 def test_the_catalogue_moves_as_without_to_the_bit(name: str) -> None:
     entry = pt.catalogue.entry(name)
     m = entry.mechanism()

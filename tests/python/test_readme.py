@@ -344,7 +344,7 @@ def test_site_is_put_together(
             assert tmp_path.joinpath("_extra", *link).exists(), link
     animated = {path.stem for path in (tmp_path / "_extra" / "live").iterdir()}
     guide = {page.replace("/", "-") for page in in_sidebar if page.startswith("guide/")}
-    assert animated == {*shown, "index", "playground", *guide}
+    assert animated == {*shown, "index", "playground", "holding", *guide}
     assert not any("<!-- live" in text_of(p) for p in tmp_path.rglob("*.md"))
     assert len(list((tmp_path / "notebooks").glob("*.svg"))) >= len(NOTEBOOKS)
 

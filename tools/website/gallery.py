@@ -66,7 +66,7 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
     run.to_html(live / f"{name}.html")
     picture(run, live / f"{name}.png")
     judged = []
-    if run.independent.shape[1]:  # else every position is prescribed
+    if run.independent.shape[1] and not entry.has_events:  # else all is prescribed, or is so at times
         over = quality(entry, run, folder / QUALITY / f"{name}.png")
         judged = [
             f"[The measure](../measure.md) of each velocity and the quality of the choice over {over}:",
@@ -76,7 +76,7 @@ def _mechanism(name: str, folder: Path, live: Path) -> str:
     summary = run.summary
     facts = [
         ("bodies, joints", f"{len(summary['bodies'])}, {len(summary['joints'])}"),
-        ("degrees of freedom", str(summary["mobility"])),
+        ("degrees of freedom", str(entry.mechanism().compile().mobility)),
         ("redundant constraints", str(len(summary["removed"]))),
         ("run", f"{entry.duration:g} s, {run.certificate.verdict}"),
         ("largest closure error", f"{run.certificate.closure:.1e}"),

@@ -30,6 +30,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "inverse-dynamics",
         "sensors",
         "events",
+        "holding",
         "stepping",
         "statics",
         "vibration",

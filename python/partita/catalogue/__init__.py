@@ -25,6 +25,7 @@ from . import (
     bricard,
     car_axis,
     four_bar,
+    holding,
     n_four_bar,
     planar_pendulum,
     reference_four_bar,
@@ -64,6 +65,7 @@ _ENTRIES: dict[str, Callable[..., Entry]] = {
     "stephenson-six-bar": stephenson_six_bar.entry,
     "three-rrr": three_rrr.entry,
     "watt-six-bar": watt_six_bar.entry,
+    **holding.ENTRIES,
     **zoo.ENTRIES,
 }
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ArgumentError
+from ..mechanism.set_valued import has_set_valued
 from ..numeric import MaybeNone
 
 if TYPE_CHECKING:
@@ -84,6 +85,17 @@ class Entry:
     def mechanism(self) -> Mechanism:
         """A new mechanism, drawn closed in its starting position: all joint coordinates begin at zero."""
         return self.build()
+
+    @property
+    def has_events(self) -> bool:
+        """Whether it has elements that hold a joint at times. Then runs have events of their own, and what looks at one
+        state, steps or exports it refuses the mechanism.
+
+        >>> import partita as pt
+        >>> pt.catalogue.entry("door-latch").has_events, pt.catalogue.entry("four-bar").has_events
+        (True, False)
+        """
+        return has_set_valued(self.mechanism())
 
     def initial(self, mechanism: Mechanism) -> State:
         """The starting state of `mechanism`, which `mechanism()` made: drawn position, published rates."""

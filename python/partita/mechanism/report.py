@@ -277,7 +277,9 @@ def _open_frictions(
     follow: dict[str, LoadRecord] = {
         name: record
         for name, record in m._description.forces.items()
-        if isinstance(record, LoadRecord) and record.kind == "friction" and "coefficient" in record.arguments
+        if isinstance(record, LoadRecord)
+        and record.kind == "friction"
+        and record.arguments.get("coefficient") is not None
     }
     found: list[dict[str, str]] = []
     given = Modelled(m.name, (0.0, 0.0, 0.0), m.drawing_tolerance)

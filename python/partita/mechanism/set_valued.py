@@ -52,6 +52,11 @@ def is_set_valued(record: Any) -> TypeGuard[LoadRecord]:
             return record.kind in ("freewheel", "latch")
 
 
+def has_set_valued(mechanism: Modelled) -> bool:
+    """Whether a mechanism has elements by which a run holds joints at times."""
+    return any(map(is_set_valued, mechanism._description.forces.values()))
+
+
 def is_latch(record: Any) -> TypeGuard[LoadRecord]:
     """Whether a force is a latch."""
     return isinstance(record, LoadRecord) and record.kind == "latch"
