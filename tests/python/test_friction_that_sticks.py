@@ -702,3 +702,43 @@ def test_frictions_in_a_redundant_platform_keep_its_velocities() -> None:
         again = m.simulate(0.3 - run.t[i], initial=run.state(run.t[i]), t_eval=run.t[i:])
         assert np.abs(again.v[0] - run.v[i]).max() < 1e-11
         assert again.q[-1] == pytest.approx(run.q[-1], abs=1e-7)
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_friction_yields_to_what_never_yields(order: int) -> None:
+    """A stuck bolt that a driven wrench takes along by a freewheel: it slips as soon as the wrench turns forwards."""
+    m = pt.Mechanism("ratchet", gravity=None)
+    for name in ("wrench", "bolt"):
+        m.add_body(name, mass=1.0, inertia=(1e-3, 1e-3, 2e-3))
+    m.add_revolute("head", m.ground, "wrench", point=(0, 0, 0))
+    m.add_revolute("thread", m.ground, "bolt", point=(0, 0, 0))
+    m.add_revolute("ratchet", "wrench", "bolt", point=(0, 0, 0))
+    m.add_drive("head", velocity=([0.0, 1.0, 2.0], [-1.0, 1.0, 3.0]), name="arm")
+    if order:
+        m.add_freewheel("ratchet", free=1, name="pawl")
+    m.add_friction("thread", 12.0, name="tight")
+    if not order:
+        m.add_freewheel("ratchet", free=1, name="pawl")
+    run = m.simulate(2.0, initial=m.assemble(rates={"head": -1.0, "thread": 0.0}), **TIGHT)
+    assert run.success, run.message
+    assert {(e.name, e.kind) for e in run.events} == {("pawl", "lock"), ("tight", "slip")}
+    assert run.events.t == pytest.approx([0.5, 0.5], abs=1e-9)
+    assert run.joint("thread").angle[-1] == pytest.approx(1.5**2, rel=1e-9)
+    assert run.force("tight").effort[-1] == pytest.approx(-12.0) and run.force("tight").effort[0] == 0.0
+    assert run.force("pawl").effort[-1] == pytest.approx(12.0 + 2.0 * 2e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("inertia", [2e-3, 2e-5])
+def test_a_freewheel_frees_a_stuck_bolt_at_the_instant_at_which_it_would_pull(inertia: float) -> None:
+    m = pt.Mechanism("ratchet", gravity=None)
+    m.add_body("wrench", mass=1.0, inertia=(0.01, 0.01, 0.0083))
+    m.add_body("bolt", mass=1.0, inertia=(inertia,) * 3)
+    m.add_revolute("head", m.ground, "wrench", point=(0, 0, 0))
+    m.add_revolute("thread", m.ground, "bolt", point=(0, 0, 0))
+    m.add_revolute("ratchet", "wrench", "bolt", point=(0, 0, 0))
+    m.add_torque("head", ([0.0, 0.5, 1.0], [-20.0, 20.0, -20.0]), interpolation="linear")
+    m.add_friction("thread", 12.0, static=15.0, name="tight")
+    m.add_freewheel("ratchet", free=1, name="pawl")
+    run = m.simulate(0.9)
+    assert [e.t for e in run.events if e.kind == "release"] == pytest.approx([0.75], rel=1e-12)
+    assert not [note for note in run.notes if "initial state" in note]

@@ -74,15 +74,30 @@ def test_saved_and_loaded_they_hold_the_same(name: str, tmp_path: Path) -> None:
 def test_who_cannot_follow_them_refuses_them_by_name(name: str, tmp_path: Path) -> None:
     m = pt.catalogue.load(name)
     calls: list[Callable[[], Any]] = [
-        lambda: m.stepper(0.01),
-        lambda: m.ensemble(t_eval=[0.0, 1.0], states=[m.assemble()]),
         lambda: m.to_fmu(tmp_path / "m.fmu"),
         lambda: m.to_playground(tmp_path / "m.html"),
         lambda: m.export_c(tmp_path / "m.c"),
     ]
     for call in calls:
-        with pytest.raises(DescriptionError, match="only simulate can"):
+        with pytest.raises(DescriptionError, match="only simulate and steppers can"):
             call()
+
+
+@each
+def test_steppers_and_ensembles_follow_them(name: str) -> None:
+    entry = pt.catalogue.entry(name)
+    run = entry.simulate(rtol=1e-10, atol=1e-12)
+    m, start, end = entry.mechanism(), run.state(float(run.t[0])), float(run.t[-1] - run.t[0])
+    sim = m.stepper(end / 400, initial=start, substeps=4)
+    seen = []
+    for _ in range(400):
+        sim.step()
+        seen += [(event.name, event.kind) for event in sim.events]
+    assert sim.q == pytest.approx(run.q[-1], rel=1e-5, abs=1e-6)  # its steps do not end at kinks of loads
+    first = [(event.name, event.kind) for event in run.events if event.t > run.t[0]]
+    assert seen == first
+    found = m.ensemble(t_eval=[float(run.t[-1])], states=[start, start])
+    assert found.success.all() and found.q[1, -1] == pytest.approx(run.q[-1], abs=1e-5)
 
 
 @each

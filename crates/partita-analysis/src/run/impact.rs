@@ -351,6 +351,11 @@ impl Impact {
         side.sign * (self.lengths[row] * dense::dot(self.rows.row(row), x) + self.a[row])
     }
 
+    /// The length of a row in the mass metric.
+    pub fn length(&self, row: usize) -> f64 {
+        self.lengths[row]
+    }
+
     /// The fastest that it may be at these speeds.
     pub fn fastest(&self, side: OneSided) -> f64 {
         self.lengths[side.row] * dense::dot(&self.x, &self.x).sqrt() + self.a[side.row].abs()

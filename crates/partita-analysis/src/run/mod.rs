@@ -220,7 +220,8 @@ fn integrated<S: Balance<Scratch: Send>>(
         );
     }
     report_driven_beyond(system, request, outputs.last(), &q, &mut outcome);
-    notes.extend(corrected);
+    // where a run goes on from itself, what is closed anew is rounding
+    notes.extend(corrected.filter(|_| request.exchanged_before.is_none()));
     let reported = f.history();
     notes.extend(reported.notes);
     notes.append(&mut outcome.notes);

@@ -68,9 +68,9 @@ pub struct Request {
     /// Memory for the steps, which states are read from later; 0: none is kept.
     #[serde(skip)]
     pub step_bytes: usize,
-    /// Energy that was exchanged in segments before: balances are relative to it.
+    /// Energy that was exchanged in segments before, if there are any: balances are relative to it.
     #[serde(skip)]
-    pub exchanged_before: f64,
+    pub exchanged_before: Option<f64>,
 }
 
 /// A part of the quality when frozen, or the words "each step".
@@ -128,7 +128,7 @@ impl Request {
             compiled: None,
             compiles_beside: false,
             step_bytes: 0,
-            exchanged_before: 0.0,
+            exchanged_before: None,
         }
     }
 

@@ -257,7 +257,7 @@ pub(super) struct Standing {
     now: Output,
     /// Work done, and energy exchanged, so far.
     work: f64,
-    exchanged: f64,
+    exchanged: Option<f64>,
     /// Changes at this instant, one after the other.
     at_once: usize,
 }
@@ -275,7 +275,7 @@ impl Standing {
         let mut now = Output { t: request.t0, q: q.to_vec(), v: v.to_vec(), turns: zero, ..Output::default() };
         let (mode, first, work) = maker.change(&mode, &now, &[])?;
         now.v = first;
-        Ok(Self { maker, mode, now, work, exchanged: 0.0, at_once: 0 })
+        Ok(Self { maker, mode, now, work, exchanged: None, at_once: 0 })
     }
 
     /// On to the end of the request, in as many segments as it takes.
@@ -295,7 +295,7 @@ impl Standing {
                 Err(error) => return stopped(all, from, error),
             };
             let run = &mut segment.run;
-            self.exchanged += run.exchanged;
+            self.exchanged = Some(self.exchanged.unwrap_or_default() + run.exchanged);
             bytes = bytes.saturating_sub(run.log.steps.as_ref().map_or(0, |steps| steps.0.bytes()));
             run.log.outputs.iter_mut().for_each(|x| x.work += self.work);
             run.occurrences.iter_mut().for_each(|x| x.state.work += self.work);

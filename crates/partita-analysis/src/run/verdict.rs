@@ -76,7 +76,7 @@ impl Limits {
             jump: (JUMPS.0.max((tolerance::ERROR_GROWTH * rtol).min(JUMPS_EXPLAINED)), JUMPS.1),
             asked: BalanceOptions { tolerance: rtol, drifts },
             atol: request.atol,
-            exchanged: request.exchanged_before,
+            exchanged: request.exchanged_before.unwrap_or_default(),
         }
     }
 

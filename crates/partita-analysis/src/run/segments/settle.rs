@@ -8,6 +8,9 @@ use partita_math::tolerance;
 use partita_system::event::Occurrence;
 use std::collections::BTreeSet;
 
+/// How the frictions act, the accelerations, and how strong all frictions together may be in the mass metric.
+type Rubbed = (Vec<StickSlip>, Reached, f64);
+
 /// Frictions that change between sticking and slipping until a combination holds. Reason: far more than pairs of the few
 /// that come to rest together.
 const MOST_FLIPS: usize = 1000;
@@ -56,7 +59,7 @@ impl Maker {
             };
             let still: Vec<bool> = (0..self.frictions.len()).map(still).collect();
             let before = (&mode.frictions[..], passed);
-            let (frictions, pushed) =
+            let (frictions, pushed, strength) =
                 self.rubbed((acting, t, q, &reached.v), (&after, &still), (&rows, &resting), before)?;
             // one that comes back at once, and hardly leaves, stays
             let low = |&i: &usize| {
@@ -69,7 +72,8 @@ impl Maker {
             let fallen: Vec<usize> = (0..sides.len()).filter(low).collect();
             if fallen.is_empty() {
                 let presses = |&i: &usize| {
-                    let still = tolerance::EQUAL * after.strongest(sides[i]);
+                    let rubbed = after.length(sides[i].row) * strength;
+                    let still = tolerance::EQUAL * (after.strongest(sides[i]) + rubbed);
                     let force = after.contact_acceleration(sides[i], &pushed);
                     let least = if passed.contains(&Own::Press(closed[i])) { still } else { 0.0 };
                     stays[i] && after.growth(sides[i], &pushed.v) <= still && force >= least
@@ -98,10 +102,10 @@ impl Maker {
         (after, still): (&Impact, &[bool]),
         (rows, resting): (&[usize], &[OneSided]),
         (before, passed): (&[StickSlip], &[Own]),
-    ) -> Result<(Vec<StickSlip>, Reached), AnalysisError> {
+    ) -> Result<Rubbed, AnalysisError> {
         let count = self.frictions.len();
         if count == 0 {
-            return Ok((Vec::new(), after.accelerations(rows, resting, &[])?));
+            return Ok((Vec::new(), after.accelerations(rows, resting, &[])?, 0.0));
         }
         let level = |x: &FrictionOf| acting.model.friction_levels(x.force, t, (q, v));
         let levels = self.frictions.iter().map(level).collect::<Result<Vec<_>, _>>()?;
@@ -147,6 +151,20 @@ impl Maker {
                 }
             }
             let pushed = after.accelerations(&held, resting, &applied)?;
+            // one that would hold against a stop or a freewheel, which never yields, slips
+            let broken = resting.iter().find(|x| {
+                after.follows(x.row, &held) && after.growth(**x, &pushed.v) < -tolerance::EQUAL * after.strongest(**x)
+            });
+            if let Some(broken) = broken {
+                let without = |i: usize| held.iter().copied().filter(|&row| row != side(i).row).collect::<Vec<_>>();
+                let sticks = |i: &usize| now[*i] == StickSlip::Sticks && !decided[*i];
+                let yields = (0..count).filter(sticks).find(|&i| !after.follows(broken.row, &without(i)));
+                if let Some(i) = yields {
+                    let bare = after.accelerations(&without(i), resting, &applied)?;
+                    acts[i] = StickSlip::Slips(sense(after.growth(side(i), &bare.v)));
+                    continue;
+                }
+            }
             let flip = (0..count).filter(|&i| !decided[i]).find_map(|i| match now[i] {
                 StickSlip::Sticks => {
                     let carried = pushed.multipliers[side(i).row];
@@ -169,7 +187,8 @@ impl Maker {
                     now[i] = StickSlip::Rests(sign);
                 }
             }
-            return Ok((now, pushed));
+            let strengths = (0..count).map(|i| after.length(side(i).row) * levels[i][1]);
+            return Ok((now, pushed, strengths.sum()));
         }
         let names: Vec<&str> = self.frictions.iter().map(|x| &*x.name).collect();
         Err(refuse(format!(
