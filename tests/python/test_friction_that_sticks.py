@@ -189,6 +189,127 @@ def test_two_frictions_on_one_degree_of_freedom_hold_with_both(order: tuple[int,
     assert run.joint("A").velocity[-1] == pytest.approx(0.75 / 0.4, rel=1e-9)
 
 
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_two_frictions_with_more_at_rest_hold_with_the_sum_of_what_each_can(order: tuple[int, int]) -> None:
+    """1 N m and 2 N m in motion, 1.5 N m and 3.2 N m at rest: a load of 1.5 t moves them at 4.7 N m,
+    then against 3 N m."""
+    m = wheel()
+    for i in order:
+        m.add_friction("A", (1.0, 2.0)[i], static=(1.5, 3.2)[i], name=("one", "two")[i])
+    m.add_torque("A", lambda t, state: 1.5 * t)
+    run = m.simulate(4.0, **TIGHT)
+    breaks = 4.7 / 1.5
+    assert run.success and run.events.t == pytest.approx([breaks] * 2, rel=1e-9)
+    total = run.force("one").effort + run.force("two").effort
+    rests = run.t < breaks
+    assert total[rests] == pytest.approx(-1.5 * run.t[rests], abs=1e-12)
+    assert total[~rests] == pytest.approx(-3.0, rel=1e-12)
+    speed = (0.75 * (16.0 - breaks**2) - 3.0 * (4.0 - breaks)) / 0.4
+    assert run.joint("A").velocity[-1] == pytest.approx(speed, rel=1e-9)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
+@pytest.mark.parametrize("more", [1.0, 1.4])
+def test_frictions_on_one_degree_of_freedom_hold_a_load_that_goes_up_and_down(
+    order: tuple[int, int, int], more: float
+) -> None:
+    """0.5, 1 and 2 N m in motion, `more` times that at rest: a load that swings to 98 per cent of the sum, to both
+    sides, moves nothing; then it goes beyond, down."""
+    m = wheel()
+    for i in order:
+        m.add_friction("A", (0.5, 1.0, 2.0)[i], static=more * (0.5, 1.0, 2.0)[i], name=f"rub {i}")
+    most = 3.5 * more
+    times, load = [0.0, 1.0, 2.0, 3.0, 4.0, 6.0], [0.0, 0.98 * most, -0.98 * most, 0.98 * most, 0.0, -2.0 * most]
+    m.add_torque("A", (times, load), interpolation="linear")
+    run = m.simulate(5.2, t_eval=np.linspace(0.0, 5.2, 105), **TIGHT)
+    assert run.success and [event.direction for event in run.events] == [-1] * len(run.events)
+    assert {event.name for event in run.events} == {"rub 0", "rub 1", "rub 2"}
+    assert run.events.t == pytest.approx([5.0] * len(run.events), rel=1e-9)
+    efforts = [run.force(f"rub {i}").effort for i in range(3)]
+    rests = run.t < 5.0
+    assert np.sum(efforts, axis=0)[rests] == pytest.approx(-np.interp(run.t[rests], times, load), abs=1e-11)
+    for effort, level in zip(efforts, (0.5, 1.0, 2.0), strict=True):
+        assert np.abs(effort).max() <= more * level * (1.0 + 1e-9)
+        assert effort[-1] == pytest.approx(level, rel=1e-12)
+    assert np.ptp(run.q[rests]) < 1e-13
+    # inertia times speed: the load falls at `most` N m a second
+    assert run.joint("A").velocity[-1] == pytest.approx((-0.2 * (most - 3.5) - 0.02 * most) / 0.4, rel=1e-8)
+
+
+def test_the_sense_in_which_friction_slips_is_that_of_the_motion() -> None:
+    """A block thrown up a slope turns at once, as friction cannot hold it, and slides down."""
+    m = sledge()
+    m.gravity = (-9.81, 0, 0)
+    m.add_friction("S", 3.0)
+    run = m.simulate(1.0, initial=m.assemble(rates={"S": 2.0}), **TIGHT)
+    assert [(event.kind, event.direction) for event in run.events] == [("slip", -1)]
+    assert run.events[0].t == pytest.approx(2.0 / (9.81 + 1.5), rel=1e-12)
+
+
+@COORDINATES
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_a_freewheel_beside_friction_pushes_and_never_pulls(coordinates: str, order: tuple[int, int]) -> None:
+    """Free in the positive sense, friction of 1 N m: a load down to -3 N m moves nothing, one of 1.5 t - 3 moves it up
+    at t = 8/3."""
+    m = wheel()
+    adds = [lambda: m.add_freewheel("A", free=1, name="hub"), lambda: m.add_friction("A", 1.0, name="rub")]
+    for i in order:
+        adds[i]()
+    m.add_torque("A", ([0.0, 4.0], [-3.0, 3.0]), interpolation="linear")
+    run = m.simulate(3.0, coordinates=coordinates, initial=m.assemble(coordinates=coordinates), **TIGHT)
+    assert run.success and {event.name for event in run.events} == {"hub", "rub"}
+    assert run.events.t == pytest.approx([8.0 / 3.0] * len(run.events), rel=1e-9)
+    hub, rub = run.force("hub").effort, run.force("rub").effort
+    assert hub.min() >= -1e-12 and np.abs(rub).max() <= 1.0 + 1e-9
+    rests = run.t < 8.0 / 3.0
+    assert (hub + rub)[rests] == pytest.approx(3.0 - 1.5 * run.t[rests], abs=1e-10)
+    assert (hub + rub)[~rests] == pytest.approx(-1.0, rel=1e-12)
+    assert run.joint("A").velocity[-1] == pytest.approx(0.75 * (3.0 - 8.0 / 3.0) ** 2 / 0.4, rel=1e-8)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_what_is_locked_needs_no_freewheel_and_no_stop(e: float) -> None:
+    """A lock, a freewheel, a stop and friction on one joint are redundant while the lock holds."""
+    m = wheel()
+    m.add_freewheel("A", free=-1, name="hub")
+    m.add_friction("A", 0.5)
+    m.add_stop("A", upper=0.0, restitution=e)
+    m.add_torque("A", ([0.0, 1.0, 4.0], [2.0, 2.0, -4.0]), interpolation="linear")
+    events = [
+        pt.Event("hold", lambda t, state: t - 0.3, then=pt.Lock("A")),
+        pt.Event("go", lambda t, state: t - 0.7, then=pt.Release("A")),
+    ]
+    run = m.simulate(3.0, events=events, **TIGHT)
+    assert run.success, run.message
+    # it moves down where the load falls below -0.5, at t = 2.25
+    late = run.t > 2.26
+    assert np.abs(run.v[run.t < 2.25]).max() < 1e-12
+    assert run.v[late, 0] == pytest.approx(-((run.t[late] - 2.25) ** 2) / 0.4, rel=1e-6)
+
+
+@COORDINATES
+@pytest.mark.parametrize("rate", [1.0, 1.7, 2.3])
+def test_a_freewheel_holds_a_four_bar_where_it_swings_back(coordinates: str, rate: float) -> None:
+    """Where the whole mechanism turns back all its rates are zero at once: none of them gets the other sign."""
+    m = slider_crank()
+    m.add_freewheel("W", free=1, name="hub")
+    start = m.assemble({"O": -1.2}, rates={"O": rate}, coordinates=coordinates)
+    for t_end in (0.5, 0.8, 1.0, 1.3):
+        run = m.simulate(t_end, initial=start, coordinates=coordinates)
+        assert run.success or "singular" in str(run.message), run.message
+        assert run.joint("W").velocity.min() > -1e-7
+
+
+def test_a_brake_that_an_event_makes_stronger_holds_at_rest_with_no_less() -> None:
+    m = wheel()
+    brake = m.add_brake("A", 1.0, static=2.0, name="brake")
+    m.add_torque("A", ([0.0, 10.0], [0.0, 10.0]))
+    tighter = pt.Event("tighter", lambda t, state: t - 1.0, then=pt.SetInput(brake, 6.0))
+    run = m.simulate(8.0, events=[tighter], **TIGHT)
+    assert run.success and [event.kind for event in run.events] == ["input", "slip"]
+    assert run.events[1].t == pytest.approx(6.0, rel=1e-9)
+
+
 def test_frictions_of_several_joints_of_a_loop_hold_together() -> None:
     """At rest a parallelogram of massless effect carries the sum of its four frictions about its hinges; it begins to
     move where the load exceeds them all, by virtual work."""
@@ -440,8 +561,8 @@ def test_elements_are_saved_and_loaded_with_their_numbers(tmp_path: Any) -> None
     again = pt.load(tmp_path / "wheel.toml")
     run, other = m.simulate(5.0), again.simulate(5.0)
     assert kinds(run) == kinds(other) and (run.q == other.q).all()
-    # the hub does not let it bounce off the upper end, where it rests
-    assert kinds(run) == [("ends", "impact"), ("ends", "rest"), ("hub", "lock")]
+    # the hub does not let it bounce off the upper end, where it rests, and the brake with it
+    assert kinds(run) == [("ends", "impact"), ("ends", "rest"), ("hub", "lock"), ("brake", "stick")]
     assert run.events[0].t == pytest.approx(math.sqrt(2.0 * 3.0 * 0.4 / 0.5)) and np.abs(run.v[-1]).max() < 1e-13
     changed = m.simulate(5.0, parameters={"ends.upper": 2.0, "brake.dynamic": 0.2, "ends.restitution": 0.0})
     assert changed.events[0].t == pytest.approx(math.sqrt(2.0 * 2.0 * 0.4 / 0.8))

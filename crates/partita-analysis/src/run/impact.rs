@@ -31,6 +31,8 @@ pub struct OneSided {
     pub sign: f64,
     /// The coefficient of restitution e.
     pub restitution: f64,
+    /// What closes more slowly does not bounce.
+    pub slow: f64,
 }
 
 /// The equations at a state, in the mass metric: x = Lᵀ v with M = L Lᵀ.
@@ -295,7 +297,8 @@ impl Impact {
     /// bounces are the largest part of it for which that is not so.
     fn bounced(&self, from: &[f64], held: &[(usize, f64)], sides: &[OneSided]) -> Result<Nearest, AnalysisError> {
         let (met, _) = self.nearest(from, held, &[])?;
-        let rates: Vec<f64> = sides.iter().map(|&side| self.rate_of(side, &met).min(0.0)).collect();
+        let closing = |&side: &OneSided| Some(self.rate_of(side, &met)).filter(|&rate| rate < -side.slow);
+        let rates: Vec<f64> = sides.iter().map(|side| closing(side).unwrap_or(0.0)).collect();
         let bounced = |part: f64| {
             let least = sides
                 .iter()
@@ -369,6 +372,16 @@ impl Impact {
     /// The second derivative that its force alone gives it.
     pub fn contact_acceleration(&self, side: OneSided, by: &Reached) -> f64 {
         side.sign * by.multipliers[side.row] * self.lengths[side.row].powi(2)
+    }
+
+    /// The force along its row that alone gives it this second derivative.
+    pub fn force_for(&self, side: OneSided, acceleration: f64) -> f64 {
+        let size = self.lengths[side.row].powi(2);
+        if size > 0.0 {
+            side.sign * acceleration / size
+        } else {
+            0.0
+        }
     }
 
     /// Its second derivative at these accelerations.

@@ -212,8 +212,8 @@ pub struct Slipping {
     pub row: usize,
     /// Its number among the forces.
     pub force: usize,
-    /// The sense of the motion.
-    pub sign: f64,
+    /// The senses of the motion that its sliding and its static magnitude resist.
+    pub signs: [f64; 2],
 }
 
 impl Slipping {
@@ -224,7 +224,7 @@ impl Slipping {
     pub fn effort(&self, model: &Model, at: &Output) -> Result<f64, SystemError> {
         let q: Vec<f64> = at.q.iter().zip(&at.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
         let levels = model.friction_levels(self.force, at.t, (&q, &at.v))?;
-        Ok(levels.map_or(0.0, |levels| -self.sign * levels[0]))
+        Ok(levels.map_or(0.0, |levels| -(self.signs[0] * levels[0] + self.signs[1] * levels[1])))
     }
 }
 

@@ -85,14 +85,14 @@ impl Model {
     pub fn with_drives(
         &self,
         acts: &dyn Fn(&str) -> bool,
-        slips: &dyn Fn(&str) -> f64,
+        slips: &dyn Fn(&str) -> [f64; 2],
     ) -> Result<Self, DescriptionError> {
         self.remade(|spec| {
             spec.drives.retain(|drive| acts(&drive.name));
             for force in &mut spec.forces {
-                let sign = slips(force.name());
+                let signs = slips(force.name());
                 if let Some(acts) = force.record_mut().acts() {
-                    *acts = sign;
+                    *acts = signs;
                 }
             }
         })

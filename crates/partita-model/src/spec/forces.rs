@@ -131,7 +131,7 @@ pub trait ForceRecord {
         None
     }
     /// How friction that may stick acts in a mode of a run.
-    fn acts(&mut self) -> Option<&mut f64> {
+    fn acts(&mut self) -> Option<&mut [f64; 2]> {
         None
     }
     /// Error in its numbers, all of them finite.

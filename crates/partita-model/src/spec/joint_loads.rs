@@ -70,10 +70,10 @@ pub struct Friction {
     /// The magnitudes follow the reaction of the joint instead.
     #[serde(default)]
     pub follows: Option<Follows>,
-    /// In a mode of a run, where it may stick: the sign of the motion that its force resists; 0: it has no force, a row
-    /// carries what it carries.
+    /// In a mode of a run, where it may stick: the signs of the motion that its sliding and its static magnitude resist; both
+    /// 0: it has no force, a row carries what it carries.
     #[serde(skip)]
-    pub acts: f64,
+    pub acts: [f64; 2],
 }
 
 fn no_level() -> Value {
@@ -137,7 +137,7 @@ impl ForceRecord for Friction {
     fn set_valued(&self) -> Option<&str> {
         (self.stick_velocity == 0.0).then_some("friction that sticks: give it a stick_velocity")
     }
-    fn acts(&mut self) -> Option<&mut f64> {
+    fn acts(&mut self) -> Option<&mut [f64; 2]> {
         Some(&mut self.acts)
     }
     fn fault(&self) -> Option<String> {

@@ -71,8 +71,9 @@ impl Maker {
         for (event, actions) in plan.actions.iter().enumerate() {
             for action in actions {
                 let mut bound = |drive: &String, sign: f64, restitution: f64, bounds: Bounds| {
-                    let side = OneSided { row: known(drive)?, sign, restitution };
-                    stops.push(StopOf { event, drive: drive.clone(), side, size: size(drive), bounds });
+                    let size = size(drive);
+                    let side = OneSided { row: known(drive)?, sign, restitution, slow: RATE_AT_REST * size };
+                    stops.push(StopOf { event, drive: drive.clone(), side, size, bounds });
                     Ok::<(), AnalysisError>(())
                 };
                 match action {
@@ -92,7 +93,7 @@ impl Maker {
         let [locked, parted] = [&plan.locked, &plan.parted].map(|names| names.iter().cloned().collect());
         let resting = vec![StickSlip::Rests(0); frictions.len()];
         let whole = Whole { parted, inputs: BTreeMap::new() };
-        let mode = Mode { locked, pressing: BTreeSet::new(), frictions: resting, whole };
+        let mode = Mode { locked, frictions: resting, whole, ..Mode::default() };
         let (models, wholes) = (BTreeMap::new(), BTreeMap::new());
         let (happenings, count) = (Vec::new(), vec![0; plan.events.len()]);
         Ok((Self { plan, functions, stops, frictions, rows, always, models, wholes, span, count, happenings }, mode))
@@ -132,7 +133,7 @@ impl Maker {
             let switched = self.plan.switched.iter().any(|x| x == name);
             !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned()) || sticks(name)
         };
-        let slips = |name: &str| rubbing().find(|x| x.0.name == name).map_or(0.0, |x| f64::from(x.1.sign()));
+        let slips = |name: &str| rubbing().find(|x| x.0.name == name).map_or([0.0; 2], |x| x.1.signs());
         let made = Arc::new(whole.with_drives(&acts, &slips)?);
         let rows = self.plan.model.rows_of(&made);
         let found = (made, rows);
@@ -162,7 +163,7 @@ impl Maker {
     pub(super) fn with_run(&mut self, mode: &Mode, run: Run) -> Result<Segment, AnalysisError> {
         let (whole, (model, rows)) = (self.whole(&mode.whole)?, self.model(mode)?);
         let rubbing = self.frictions.iter().zip(&mode.frictions).filter(|x| x.1.sign() != 0);
-        let slips = rubbing.map(|(x, acts)| Slipping { row: x.row, force: x.force, sign: acts.sign().into() });
+        let slips = rubbing.map(|(x, acts)| Slipping { row: x.row, force: x.force, signs: acts.signs() });
         Ok(Segment { whole, model, rows, run, slips: slips.collect() })
     }
 
@@ -185,8 +186,8 @@ impl Maker {
             let stops = self.stops.iter().enumerate().filter(|x| x.1.event == i);
             for (s, stop) in stops {
                 event.side = Some(stop.side.sign > 0.0);
-                if mode.pressing.contains(&s) {
-                    event.most = 0; // its force is followed instead
+                if mode.pressing.contains(&s) || mode.covered.contains(&s) {
+                    event.most = 0; // its force is followed instead, or that of what holds it
                 }
             }
             for (_, acts) in self.frictions.iter().zip(&mode.frictions).filter(|x| x.0.event == i) {

@@ -38,7 +38,7 @@ pub(super) struct FrictionOf {
 impl FrictionOf {
     /// Its coordinate, in its positive sense.
     pub(super) fn side(&self) -> OneSided {
-        OneSided { row: self.row, sign: 1.0, restitution: 0.0 }
+        OneSided { row: self.row, sign: 1.0, restitution: 0.0, slow: 0.0 }
     }
 }
 
@@ -49,7 +49,7 @@ pub(super) enum StickSlip {
     Sticks,
     /// By a force against the motion.
     Slips(i8),
-    /// Other rows hold its coordinate at rest; its force is as large as it can be, or zero.
+    /// Other rows hold its coordinate at rest; its force is as large as it can be at rest, or zero.
     Rests(i8),
 }
 
@@ -58,6 +58,15 @@ impl StickSlip {
         match self {
             Self::Sticks => 0,
             Self::Slips(sign) | Self::Rests(sign) => sign,
+        }
+    }
+
+    /// The signs of the motion that its sliding and its static magnitude resist.
+    pub(super) fn signs(self) -> [f64; 2] {
+        match self {
+            Self::Sticks => [0.0; 2],
+            Self::Slips(sign) => [sign.into(), 0.0],
+            Self::Rests(sign) => [0.0, sign.into()],
         }
     }
 }
@@ -69,10 +78,19 @@ pub(super) struct Mode {
     pub(super) locked: BTreeSet<String>,
     /// Stops that press, by their numbers.
     pub(super) pressing: BTreeSet<usize>,
+    /// Stops that are closed while what is held, and what sticks, holds their coordinates, so that they need not press.
+    pub(super) covered: BTreeSet<usize>,
     /// How the frictions act.
     pub(super) frictions: Vec<StickSlip>,
     /// What moves.
     pub(super) whole: Whole,
+}
+
+impl Mode {
+    /// Whether a stop is closed and stays so.
+    pub(super) fn rests(&self, stop: usize) -> bool {
+        self.pressing.contains(&stop) || self.covered.contains(&stop)
+    }
 }
 
 /// What moves, whichever rows act.

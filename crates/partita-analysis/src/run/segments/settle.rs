@@ -8,18 +8,32 @@ use partita_math::tolerance;
 use partita_system::event::Occurrence;
 use std::collections::BTreeSet;
 
-/// How the frictions act, the accelerations, and how strong all frictions together may be in the mass metric.
-type Rubbed = (Vec<StickSlip>, Reached, f64);
-
 /// Frictions that change between sticking and slipping until a combination holds. Reason: far more than pairs of the few
 /// that come to rest together.
 const MOST_FLIPS: usize = 1000;
+
+/// Accelerations with frictions.
+pub(super) struct Rubbed {
+    /// How they act.
+    pub(super) frictions: Vec<StickSlip>,
+    pub(super) pushed: Reached,
+    /// The rows that are held, those of what sticks among them.
+    pub(super) held: Vec<usize>,
+    /// How strong all of them together may be, in the mass metric.
+    pub(super) strength: f64,
+}
+
+/// How hard what begins to slip is pushed where the next forces are decided. Scale: largest acceleration that the forces
+/// may give it. Reason: far above what counts as none, far below what is seen.
+const PUSH: f64 = 1e-6;
 
 /// What follows from an instant.
 pub(super) struct Settled {
     pub(super) reached: Reached,
     /// The stops that press.
     pub(super) pressing: BTreeSet<usize>,
+    /// Those that are closed and need not, as what is held or sticks holds them.
+    pub(super) covered: BTreeSet<usize>,
     /// How the frictions act.
     pub(super) frictions: Vec<StickSlip>,
     /// One whose infinitely many impacts are over so soon.
@@ -44,8 +58,11 @@ impl Maker {
         loop {
             let reached = impact.velocities(held, set, &sides)?;
             let after = Impact::new(acting, t, q, &reached.v)?;
-            for (stays, side) in stays.iter_mut().zip(&sides) {
-                *stays |= after.rate(*side) <= tolerance::EQUAL * after.fastest(*side);
+            for ((stays, side), &i) in stays.iter_mut().zip(&sides).zip(closed) {
+                let stop = &self.stops[i];
+                // where all comes to rest nothing is fast
+                let still = (RATE_AT_REST * stop.size).max(tolerance::EQUAL * after.fastest(*side));
+                *stays |= after.rate(*side) <= still;
             }
             let resting: Vec<OneSided> = sides.iter().zip(&stays).filter(|x| *x.1).map(|x| *x.0).collect();
             let still = |i: usize| {
@@ -59,7 +76,7 @@ impl Maker {
             };
             let still: Vec<bool> = (0..self.frictions.len()).map(still).collect();
             let before = (&mode.frictions[..], passed);
-            let (frictions, pushed, strength) =
+            let Rubbed { frictions, pushed, held: all, strength } =
                 self.rubbed((acting, t, q, &reached.v), (&after, &still), (&rows, &resting), before)?;
             // one that comes back at once, and hardly leaves, stays
             let low = |&i: &usize| {
@@ -71,15 +88,22 @@ impl Maker {
             };
             let fallen: Vec<usize> = (0..sides.len()).filter(low).collect();
             if fallen.is_empty() {
-                let presses = |&i: &usize| {
+                let (mut pressing, mut covered) = (BTreeSet::new(), BTreeSet::new());
+                for (i, &stop) in closed.iter().enumerate().filter(|x| stays[x.0]) {
                     let rubbed = after.length(sides[i].row) * strength;
                     let still = tolerance::EQUAL * (after.strongest(sides[i]) + rubbed);
+                    let (row, growth) = (sides[i].row, after.growth(sides[i], &pushed.v));
                     let force = after.contact_acceleration(sides[i], &pushed);
-                    let least = if passed.contains(&Own::Press(closed[i])) { still } else { 0.0 };
-                    stays[i] && after.growth(sides[i], &pushed.v) <= still && force >= least
-                };
-                let pressing = (0..sides.len()).filter(presses).map(|i| closed[i]).collect();
-                return Ok(Settled { reached, pressing, frictions, accumulated });
+                    let least = if passed.contains(&Own::Press(stop)) { still } else { 0.0 };
+                    if after.follows(row, &all) && !after.follows(row, acting.always) {
+                        if growth <= still {
+                            covered.insert(stop);
+                        }
+                    } else if growth <= still && force >= least {
+                        pressing.insert(stop);
+                    }
+                }
+                return Ok(Settled { reached, pressing, covered, frictions, accumulated });
             }
             for i in fallen {
                 let side = sides[i];
@@ -105,7 +129,8 @@ impl Maker {
     ) -> Result<Rubbed, AnalysisError> {
         let count = self.frictions.len();
         if count == 0 {
-            return Ok((Vec::new(), after.accelerations(rows, resting, &[])?, 0.0));
+            let pushed = after.accelerations(rows, resting, &[])?;
+            return Ok(Rubbed { frictions: Vec::new(), pushed, held: rows.to_vec(), strength: 0.0 });
         }
         let level = |x: &FrictionOf| acting.model.friction_levels(x.force, t, (q, v));
         let levels = self.frictions.iter().map(level).collect::<Result<Vec<_>, _>>()?;
@@ -136,59 +161,116 @@ impl Maker {
                 },
             };
         }
+        // one that begins to slip takes along those that carry as much as they can in its sense; those in the other stick
+        let frees = |acts: &mut [StickSlip], from: OneSided| -> Result<(), AnalysisError> {
+            let sticks = (0..count).filter(|&j| acts[j] == StickSlip::Sticks).map(|j| side(j).row);
+            let held: Vec<usize> = rows.iter().copied().chain(sticks.filter(|&row| row != from.row)).collect();
+            let with = [&held[..], &[from.row]].concat();
+            // at rest until then, as others hold it
+            let saturated = |j: usize| {
+                let slips = side(j).row != from.row && !decided[j] && matches!(acts[j], StickSlip::Slips(_));
+                slips && after.follows(side(j).row, &with)
+            };
+            let others: Vec<usize> = (0..count).filter(|&j| saturated(j)).collect();
+            if others.is_empty() {
+                return Ok(());
+            }
+            let push = [(from.row, after.force_for(from, after.strongest(from)))];
+            let [with, without] = [&push[..], &[]].map(|push| after.accelerations(&held, &[], push));
+            let (with, without) = (with?, without?);
+            for j in others {
+                let moved = after.growth(side(j), &with.v) - after.growth(side(j), &without.v);
+                let against = |sign: i8| f64::from(sign) * moved < -tolerance::EQUAL * after.strongest(side(j));
+                if matches!(acts[j], StickSlip::Slips(sign) if against(sign)) {
+                    acts[j] = StickSlip::Sticks;
+                }
+            }
+            Ok(())
+        };
+        let toward = |i: usize, sign: i8| OneSided { sign: sign.into(), ..side(i) };
+        // what has just ceased to last is in balance: where it goes on to is told by a small push
+        let mut led = Vec::new();
+        for own in passed {
+            match own {
+                Own::Slip(i, sign) if !decided[*i] => {
+                    let from = toward(*i, *sign);
+                    led.push((*i, after.force_for(from, PUSH * after.strongest(from))));
+                    frees(&mut acts, from)?;
+                }
+                Own::Press(stop) => frees(&mut acts, self.stops[*stop].side)?,
+                Own::Slip(..) => {}
+            }
+        }
+        // those that others hold at a dead point, where they are at rest for an instant alone
+        let mut turning = vec![false; count];
         for _ in 0..MOST_FLIPS {
             let mut held = rows.to_vec();
-            let mut applied = Vec::new();
             let mut now = acts.clone();
             for i in 0..count {
                 let row = side(i).row;
                 match acts[i] {
                     StickSlip::Sticks if after.follows(row, &held) => now[i] = StickSlip::Rests(0),
                     StickSlip::Sticks => held.push(row),
-                    StickSlip::Slips(sign) | StickSlip::Rests(sign) => {
-                        applied.push((row, -f64::from(sign) * levels[i][0]))
-                    }
+                    StickSlip::Slips(_) | StickSlip::Rests(_) => {}
                 }
             }
+            for i in (0..count).filter(|&i| !decided[i] && !turning[i]) {
+                if let (StickSlip::Slips(sign), true) = (now[i], after.follows(side(i).row, &held)) {
+                    now[i] = StickSlip::Rests(sign);
+                }
+            }
+            let force = |(i, acts): (usize, &StickSlip)| {
+                let [slips, rests] = acts.signs();
+                (side(i).row, -(slips * levels[i][0] + rests * levels[i][1]))
+            };
+            let mut applied: Vec<(usize, f64)> = now.iter().enumerate().map(force).collect();
+            let slipping = led.iter().filter(|x| matches!(now[x.0], StickSlip::Slips(_)));
+            applied.extend(slipping.map(|&(i, push)| (side(i).row, push)));
             let pushed = after.accelerations(&held, resting, &applied)?;
-            // one that would hold against a stop or a freewheel, which never yields, slips
-            let broken = resting.iter().find(|x| {
-                after.follows(x.row, &held) && after.growth(**x, &pushed.v) < -tolerance::EQUAL * after.strongest(**x)
-            });
-            if let Some(broken) = broken {
-                let without = |i: usize| held.iter().copied().filter(|&row| row != side(i).row).collect::<Vec<_>>();
-                let sticks = |i: &usize| now[*i] == StickSlip::Sticks && !decided[*i];
-                let yields = (0..count).filter(sticks).find(|&i| !after.follows(broken.row, &without(i)));
-                if let Some(i) = yields {
-                    let bare = after.accelerations(&without(i), resting, &applied)?;
-                    acts[i] = StickSlip::Slips(sense(after.growth(side(i), &bare.v)));
-                    continue;
-                }
-            }
             let flip = (0..count).filter(|&i| !decided[i]).find_map(|i| match now[i] {
                 StickSlip::Sticks => {
                     let carried = pushed.multipliers[side(i).row];
                     let over = carried.abs() > levels[i][1] * (1.0 + tolerance::EQUAL);
                     over.then(|| (i, StickSlip::Slips(-sense(carried))))
                 }
-                StickSlip::Slips(sign) if !after.follows(side(i).row, &held) => {
+                StickSlip::Slips(sign) => {
                     let still = tolerance::EQUAL * after.strongest(side(i));
                     let against = f64::from(sign) * after.growth(side(i), &pushed.v) < -still;
                     against.then_some((i, StickSlip::Sticks))
                 }
-                _ => None,
+                StickSlip::Rests(_) => {
+                    let growth = after.growth(side(i), &pushed.v);
+                    let turns = growth.abs() > tolerance::EQUAL * after.strongest(side(i));
+                    turns.then(|| (i, StickSlip::Slips(sense(growth))))
+                }
             });
+            let flip = match flip {
+                None => self.overridden((after, &pushed), (rows, resting), (&held, &applied), &now)?,
+                found => found,
+            };
             if let Some((i, to)) = flip {
+                turning[i] |= matches!(now[i], StickSlip::Rests(_));
                 acts[i] = to;
+                if let StickSlip::Slips(sign) = to {
+                    frees(&mut acts, toward(i, sign))?;
+                }
                 continue;
             }
-            for i in (0..count).filter(|&i| !decided[i]) {
-                if let (StickSlip::Slips(sign), true) = (now[i], after.follows(side(i).row, &held)) {
-                    now[i] = StickSlip::Rests(sign);
+            // a contact that presses holds, too
+            let presses = |x: &&OneSided| after.contact_acceleration(**x, &pushed) > 0.0;
+            let stopped: Vec<usize> =
+                held.iter().copied().chain(resting.iter().filter(presses).map(|x| x.row)).collect();
+            let mut stops = false;
+            for i in (0..count).filter(|&i| !decided[i] && !turning[i]) {
+                if let (StickSlip::Slips(sign), true) = (now[i], after.follows(side(i).row, &stopped)) {
+                    (acts[i], stops) = (StickSlip::Rests(sign), true);
                 }
             }
-            let strengths = (0..count).map(|i| after.length(side(i).row) * levels[i][1]);
-            return Ok((now, pushed, strengths.sum()));
+            if stops {
+                continue;
+            }
+            let strength = (0..count).map(|i| after.length(side(i).row) * levels[i][1]).sum();
+            return Ok(Rubbed { frictions: now, pushed, held, strength });
         }
         let names: Vec<&str> = self.frictions.iter().map(|x| &*x.name).collect();
         Err(refuse(format!(
@@ -196,5 +278,30 @@ impl Maker {
              motion so far that none of the combinations holds; make them more alike",
             names.join(", ")
         )))
+    }
+
+    /// A friction that cannot stick, as what it holds together with others would then move into a stop; and how it slips.
+    fn overridden(
+        &self,
+        (after, pushed): (&Impact, &Reached),
+        (rows, resting): (&[usize], &[OneSided]),
+        (held, applied): (&[usize], &Rates),
+        now: &[StickSlip],
+    ) -> Result<Option<(usize, StickSlip)>, AnalysisError> {
+        let closes = |x: &&OneSided| after.growth(**x, &pushed.v) < -tolerance::EQUAL * after.strongest(**x);
+        for stop in resting.iter().filter(closes).filter(|x| !after.follows(x.row, rows)) {
+            for (i, friction) in self.frictions.iter().enumerate().rev().filter(|x| now[x.0] == StickSlip::Sticks) {
+                let others: Vec<usize> = held.iter().copied().filter(|&row| row != friction.row).collect();
+                if after.follows(stop.row, &others) {
+                    continue;
+                }
+                let side = friction.side();
+                let growth = after.growth(side, &after.accelerations(&others, resting, applied)?.v);
+                if growth.abs() > tolerance::EQUAL * after.strongest(side) {
+                    return Ok(Some((i, StickSlip::Slips(if growth > 0.0 { 1 } else { -1 }))));
+                }
+            }
+        }
+        Ok(None)
     }
 }

@@ -151,14 +151,14 @@ impl Maker {
         let own = self.own(mode);
         let passed = occurred.iter().filter_map(|x| x.event.checked_sub(self.plan.events.len()));
         let passed: Vec<Own> = passed.filter_map(|i| own.get(i).copied()).collect();
-        let Settled { reached, pressing, frictions, accumulated } =
+        let Settled { reached, pressing, covered, frictions, accumulated } =
             self.settled((&acting, t, &q), &impact, (&held, &set), (&closed, &passed), (mode, occurred))?;
         let Reached { v, multipliers, energy } = reached;
         for &i in &closed {
             let stop = &self.stops[i];
             let rises = stop.side.sign < 0.0;
             let closes = impact.rate(stop.side) < -tolerance::SOLUTION_ROUNDING * impact.fastest(stop.side);
-            let changes = (mode.pressing.contains(&i), pressing.contains(&i));
+            let changes = (mode.rests(i), pressing.contains(&i) || covered.contains(&i));
             match (stop.bounds, changes) {
                 (Bounds::Position, _) if closes => done.push((stop.event, rises, Kind::Impact)),
                 // how it is at the start is no event, unless velocities jump
@@ -174,7 +174,7 @@ impl Maker {
                 _ => {}
             }
         }
-        next.pressing = pressing;
+        (next.pressing, next.covered) = (pressing, covered);
         for (i, (from, to)) in mode.frictions.iter().zip(&frictions).enumerate() {
             let (event, rises) = (self.frictions[i].event, to.sign() > 0);
             match (from, to) {
