@@ -90,24 +90,26 @@ def _divided(skin: Skin) -> Skin:
     return Skin(points, faces)
 
 
-def _prismatic(shape: Shape) -> tuple[Array, list[Array], float] | None:
-    """Outline, holes and thickness along z of a shape that is a prism."""
+def _prismatic(shape: Shape, beside: float | None = None) -> tuple[Array, list[Array], float] | None:
+    """Outline, holes and thickness along z of a shape that is a prism, in a figure that is `beside` in size."""
     match shape:
         case Disc(radius, thickness):
-            return circle((0.0, 0.0), radius), [], thickness
+            return circle((0.0, 0.0), radius, beside), [], thickness
         case Cylinder(radius, length, inner):
-            return circle((0.0, 0.0), radius), [circle((0.0, 0.0), inner)] if inner else [], length
+            return circle((0.0, 0.0), radius, beside), [circle((0.0, 0.0), inner)] if inner else [], length
         case Box(size):
             x, y = 0.5 * size[0], 0.5 * size[1]
             return np.array([[-x, -y], [x, -y], [x, y], [-x, y]]), [], size[2]
         case Plate(outline, thickness, holes):
-            return corners(outline), [corners(hole) for hole in holes], thickness
+            extent = float(np.ptp(corners(outline), axis=0).max())
+            return corners(outline, beside), [corners(hole, extent) for hole in holes], thickness
     return None
 
 
 def _through(part: Part, hole: Part) -> Array | None:
     """The outline (n, 2), in the axes of a prism, of a prismatic hole straight through it; None for any other hole."""
-    whole, taken = _prismatic(part.shape), _prismatic(hole.shape)
+    whole = _prismatic(part.shape)
+    taken = None if whole is None else _prismatic(hole.shape, float(np.ptp(whole[0], axis=0).max()))
     if whole is None or taken is None or taken[1]:
         return None
     outline, half = taken[0], np.full((len(taken[0]), 1), 0.5 * taken[2])

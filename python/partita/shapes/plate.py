@@ -53,10 +53,12 @@ class Plate(Shape):
         if not is_list(self.holes):
             given.fail("Plate", f"holes must be a list of circles and polygons, not {shown(self.holes)}")
         holes = tuple(_figure(f"holes[{i}]", hole) for i, hole in enumerate(self.holes))
+        boxes = np.array([_box(hole) for hole in holes]).reshape(-1, 2, 2)
         for i, hole in enumerate(holes):
             if not _within(hole, outline):
                 given.fail("Plate", f"holes[{i}] is not inside the outline; what lies outside cannot be taken off")
-            for j in range(i):
+            near = (boxes[:i, 0] <= boxes[i, 1]).all(axis=1) & (boxes[:i, 1] >= boxes[i, 0]).all(axis=1)
+            for j in np.flatnonzero(near).tolist():
                 if not _apart(hole, holes[j]):
                     given.fail("Plate", f"holes[{j}] and holes[{i}] overlap; give one outline around both")
         for word, value in (("outline", outline), ("thickness", thickness), ("holes", holes)):
@@ -76,7 +78,9 @@ class Plate(Shape):
         return Moments(float(volume), np.array([*middle, 0.0]), inertia)
 
     def _skin(self) -> Skin:
-        return prism(corners(self.outline), [corners(hole) for hole in self.holes], self.thickness)
+        outline = corners(self.outline)
+        size = float(np.ptp(outline, axis=0).max())
+        return prism(outline, [corners(hole, size) for hole in self.holes], self.thickness)
 
     def contains(self, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
         """Whether points (n, 3) lie inside, or outside by less than `margin` [m]."""
@@ -88,9 +92,9 @@ class Plate(Shape):
         return np.asarray(found)
 
 
-def corners(figure: Any) -> Array:
+def corners(figure: Any, beside: float | None = None) -> Array:
     """Points (n, 2) of a polygon, or on a circle."""
-    return circle(*figure) if _is_circle(figure) else np.array(figure, dtype=float)
+    return circle(figure[0], figure[1], beside) if _is_circle(figure) else np.array(figure, dtype=float)
 
 
 def _is_circle(figure: Any) -> bool:
@@ -152,6 +156,15 @@ def _depth(points: Array, figure: Any) -> Array:
         return np.asarray(radius - np.linalg.norm(points - np.array(center), axis=1))
     ring = np.array(figure)
     return np.where(inside(points, ring), 1.0, -1.0) * distance(points, ring)
+
+
+def _box(figure: Any) -> tuple[Array, Array]:
+    """Least and greatest coordinates."""
+    if _is_circle(figure):
+        center, radius = figure
+        return np.array(center) - radius, np.array(center) + radius
+    points = np.array(figure)
+    return points.min(axis=0), points.max(axis=0)
 
 
 def _within(inner: Any, outer: Any) -> bool:

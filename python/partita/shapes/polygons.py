@@ -47,15 +47,24 @@ def crossing(points: Array) -> tuple[int, int] | None:
     """Two edges of a polygon that meet although they are not neighbours, or neighbours that run back; None if there are
     none. Edge k leads from point k to the next one."""
     n, ends = len(points), np.roll(points, -1, axis=0)
-    for k in range(n):
-        back = points[k - 1] - points[k], ends[k] - points[k]
-        if float(_cross(*back)) == 0.0 and float(back[0] @ back[1]) >= 0.0:
-            return (k - 1) % n, k
-        last = n - 1 if k == 0 else n
-        if k + 2 < last:
-            met = _meet(points[k], ends[k], points[k + 2 : last], ends[k + 2 : last])
+    before, after = np.roll(points, 1, axis=0) - points, ends - points
+    back = (_cross(before, after) == 0.0) & (np.einsum("ni,ni->n", before, after) >= 0.0)
+    if back.any():
+        k = int(np.argmax(back))
+        return (k - 1) % n, k
+    # edges from left to right: one can meet only those that begin before it ends
+    low, high = np.minimum(points, ends)[:, 0], np.maximum(points, ends)[:, 0]
+    order = np.argsort(low)
+    last = np.searchsorted(low[order], high[order], side="right")
+    for i, k in enumerate(order.tolist()):
+        others = order[i + 1 : last[i]]
+        others = others[(others - k) % n > 1]
+        others = others[(k - others) % n > 1]
+        if len(others):
+            met = _meet(points[k], ends[k], points[others], ends[others])
             if met.any():
-                return k, k + 2 + int(np.argmax(met))
+                other = int(others[np.argmax(met)])
+                return min(k, other), max(k, other)
     return None
 
 
@@ -157,29 +166,43 @@ def _in_triangle(p: Array, a: Array, b: Array, c: Array) -> NDArray[np.bool_]:
 
 
 def _ears(points: Array, ring: list[int]) -> NDArray[np.int_]:
+    """Ears of a polygon, cut off one after the other. Corners that are convex stay so."""
+    n = len(ring)
+    corner = np.array(ring)
+    before, after = list(range(-1, n - 1)), [*range(1, n), 0]
+    before[0] = n - 1
+    left = np.ones(n, dtype=bool)
+
+    def turns(k: int) -> float:
+        p, q, r = points[ring[before[k]]], points[ring[k]], points[ring[after[k]]]
+        return float(_cross(q - p, r - q))
+
+    reflex = np.array([k for k in range(n) if turns(k) <= 0.0], dtype=int)
     found: list[tuple[int, int, int]] = []
-    left = list(ring)
-    i, tried = 0, 0
-    while len(left) > 3:
-        n = len(left)
-        i %= n
-        a, b, c = left[i - 1], left[i], left[(i + 1) % n]
-        forced = tried > n  # numbers so close that no ear is found: the turn of this one decides nothing
-        if forced or _is_ear(points, left, a, b, c):
-            found.append((a, b, c))
-            del left[i]
-            i, tried = max(i - 1, 0) + (1 if len(left) % 2 else 0), 0
+    k, tried, since, count = 0, 0, 0, n
+    while count > 3:
+        a, c = before[k], after[k]
+        # numbers so close that no ear is found: the turn of this one decides nothing
+        if tried > count or _is_ear(points, corner[reflex], ring[a], ring[k], ring[c]):
+            found.append((ring[a], ring[k], ring[c]))
+            after[a], before[c] = c, a
+            left[k] = False
+            count, tried, since = count - 1, 0, since + 1
+            k = after[c]  # not beside it: ears one after the other at one corner are slivers
+            if 4 * since > len(reflex):
+                reflex = np.array([j for j in reflex.tolist() if left[j] and turns(j) <= 0.0], dtype=int)
+                since = 0
         else:
-            i, tried = i + 1, tried + 1
-    found.append((left[0], left[1], left[2]))
+            k, tried = c, tried + 1
+    found.append((ring[before[k]], ring[k], ring[after[k]]))
     return np.array(found, dtype=int)
 
 
-def _is_ear(points: Array, ring: list[int], a: int, b: int, c: int) -> bool:
+def _is_ear(points: Array, reflex: NDArray[np.int_], a: int, b: int, c: int) -> bool:
     p, q, r = points[a], points[b], points[c]
     turn = float(_cross(q - p, r - q))
     if turn <= 0.0:
         return turn == 0.0 and float((q - p) @ (r - q)) >= 0.0  # on a straight line
-    others = points[ring]
+    others = points[reflex]
     apart = (np.abs(others - p).max(1) > 0.0) & (np.abs(others - q).max(1) > 0.0) & (np.abs(others - r).max(1) > 0.0)
     return not bool((_in_triangle(others, p, q, r) & apart).any())

@@ -13,9 +13,10 @@ CORNERS = 48
 """Corners of a circle in a picture."""
 
 
-def circle(center: Sequence[float], radius: float, corners: int = CORNERS) -> Array:
-    """Points (n, 2) on a circle."""
-    angle = np.linspace(0.0, 2.0 * np.pi, corners + 1)[:-1]
+def circle(center: Sequence[float], radius: float, beside: float | None = None) -> Array:
+    """Points (n, 2) on a circle; fewer on a small one in a figure that is `beside` in size."""
+    finer = 1.0 if beside is None else float(np.sqrt(min(1.0, 2.0 * radius / beside)))
+    angle = np.linspace(0.0, 2.0 * np.pi, 4 * max(2, round(finer * CORNERS / 4)) + 1)[:-1]
     return np.array(center) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 

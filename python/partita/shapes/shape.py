@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -76,28 +76,27 @@ class Shape(ABC):
         name = type(self).__name__
         place = np.array(given.vector(name, "position", position))
         turn = np.array(given.rotation(name, "orientation", orientation))
-        return Sum(
-            tuple(
-                Part(
-                    part.shape,
-                    tuple((place + matmul(turn, np.array(part.position))).tolist()),
-                    _rows(matmul(turn, np.array(part.orientation))),
-                    part.hole,
-                )
-                for part in self._parts()
+        parts = tuple(
+            Part(
+                part.shape,
+                tuple((place + matmul(turn, np.array(part.position))).tolist()),
+                _rows(matmul(turn, np.array(part.orientation))),
+                part.hole,
             )
+            for part in self._parts()
         )
+        return _sum(parts, ())
 
     def __add__(self, other: object) -> Sum:
         """Both: what two parts have in common counts twice."""
-        return Sum((*self._parts(), *other._parts())) if isinstance(other, Shape) else NotImplemented
+        return _sum(self._parts(), other._parts()) if isinstance(other, Shape) else NotImplemented
 
     def __sub__(self, other: object) -> Sum:
         """This shape without another, which must lie inside it."""
         if not isinstance(other, Shape):
             return NotImplemented
         holes = (Part(part.shape, part.position, part.orientation, not part.hole) for part in other._parts())
-        return Sum((*self._parts(), *holes))
+        return _sum(self._parts(), tuple(holes))
 
     def _parts(self) -> tuple[Part, ...]:
         return (Part(self),)
@@ -112,7 +111,7 @@ class Shape(ABC):
     @cached_property
     def skin(self) -> Skin:
         """Triangles on the surface, for pictures."""
-        return self._skin()
+        return _skin_of(self)
 
     @cached_property
     def samples(self) -> Array:
@@ -122,6 +121,11 @@ class Shape(ABC):
         margin = EQUAL * float(np.ptp(points, axis=0).max())
         on = self.contains(middles, margin) & ~self.contains(middles, -margin)
         return np.concatenate([points, middles[on]])
+
+    @cached_property
+    def radius_about_centroid(self) -> float:
+        """Of a ball about the centroid that contains its `skin` [m]."""
+        return float(np.linalg.norm(self.skin.points - self.centroid, axis=1).max())
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
@@ -189,13 +193,18 @@ class Sum(Shape):
     def __post_init__(self) -> None:
         if not isinstance(self.parts, tuple) or not all(isinstance(part, Part) for part in self.parts):
             given.fail("Sum", f"it is made of shapes by +, - and at, not of {shown(self.parts)}")
+        self._check(0)
+
+    def _check(self, checked: int) -> None:
+        """Refuse what cannot be; so many parts have been together in a sum."""
         solid = [part for part in self.parts if not part.hole]
         if not solid:
             given.fail("Sum", "it has holes only; the first shape is what they are taken from")
-        holes = [part for part in self.parts if part.hole]
-        for part in holes:
-            _check(part, solid)
-        _check_apart(holes)
+        for part in self.parts[checked:]:
+            if part.hole:
+                _check_inside(part, solid)
+        known = sum(part.hole for part in self.parts[:checked])
+        _check_apart([part for part in self.parts if part.hole], known)
         volume, _, inertia = self._kept
         if volume <= EQUAL * sum(part.shape.volume for part in solid):
             given.fail("Sum", "nothing remains: its holes are as large as its parts")
@@ -246,7 +255,21 @@ class Sum(Shape):
         return inside
 
 
-def _check(hole: Part, solid: list[Part]) -> None:
+@lru_cache(maxsize=256)
+def _skin_of(shape: Shape) -> Skin:
+    """The same for equal shapes."""
+    return shape._skin()
+
+
+def _sum(first: tuple[Part, ...], second: tuple[Part, ...]) -> Sum:
+    """Parts that are a sum already, with further ones: only these are checked."""
+    found = object.__new__(Sum)
+    object.__setattr__(found, "parts", (*first, *second))
+    found._check(len(first))
+    return found
+
+
+def _check_inside(hole: Part, solid: list[Part]) -> None:
     """Refuse a hole that is not inside a part."""
     points = hole.placed(hole.shape.samples)
     for part in solid:
@@ -262,11 +285,11 @@ def _check(hole: Part, solid: list[Part]) -> None:
     )
 
 
-def _check_apart(holes: list[Part]) -> None:
-    """Refuse holes that overlap, as far as corners of one lie in another."""
+def _check_apart(holes: list[Part], known: int) -> None:
+    """Refuse holes that overlap, as far as corners of one lie in another; so many are known not to."""
     centers = np.array([part.placed(part.shape.centroid[None])[0] for part in holes]).reshape(-1, 3)
     radii = np.array([_radius(part) for part in holes])
-    for i, hole in enumerate(holes):
+    for i, hole in list(enumerate(holes))[known:]:
         near = np.flatnonzero(np.linalg.norm(centers[:i] - centers[i], axis=1) < radii[:i] + radii[i])
         for other in (holes[k] for k in near):
             for one, two in ((hole, other), (other, hole)):
@@ -277,7 +300,7 @@ def _check_apart(holes: list[Part]) -> None:
 
 def _radius(part: Part) -> float:
     """Of a ball about the centroid that contains the shape."""
-    return float(np.linalg.norm(part.shape.skin.points - part.shape.centroid, axis=1).max())
+    return part.shape.radius_about_centroid
 
 
 def _called(hole: Part) -> str:
