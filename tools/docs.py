@@ -23,6 +23,7 @@ from partita import catalogue
 from partita.builder.declaration import LOADS
 from partita.io import mjcf_table, schema, sdf_table, urdf_table, usd_table, writing_table
 from partita.io.format_table import Item
+from partita.shapes import MATERIALS
 
 TOOLS = Path(__file__).parent
 DOCS = TOOLS.parent / "docs"
@@ -102,6 +103,15 @@ def zoo_page() -> str:
     return "\n".join([*lines, ""])
 
 
+def materials_page() -> str:
+    """The densities of materials, those of one density together."""
+    names: dict[float, list[str]] = {}
+    for name, density in MATERIALS.items():
+        names.setdefault(density, []).append(name)
+    lines = ["| material | kg/m^3 |", "|---|---|"]
+    return "\n".join([*lines, *(f"| {', '.join(same)} | {density:g} |" for density, same in names.items())])
+
+
 def schema_page() -> str:
     """Every table of a model file with its keys, as the published schema has them."""
     root = schema.load()
@@ -120,6 +130,11 @@ def schema_page() -> str:
         lines += [*(f"| `{kind_of(kind)}` | {kind['description']} |" for kind in kinds), ""]
         for kind in kinds:
             lines += [f'### `type = "{kind_of(kind)}"`', "", *keys(kind, without=("type",))]
+    lines += ["## Shapes", "", resolved({"$ref": "#/$defs/shape"})["description"], ""]
+    for form in resolved({"$ref": "#/$defs/shape"})["oneOf"]:
+        kind = resolved(form)
+        lines += [f'### `type = "{kind_of(kind)}"`', "", kind["description"], "", *keys(kind, without=("type",))]
+    lines += ["A part of a sum:", "", *keys(resolved({"$ref": "#/$defs/part"}))]
     value = resolved({"$ref": "#/$defs/table"})
     lines += ["## Tables of values", "", value["description"], "", *keys(value)]
     return "\n".join(lines)
@@ -242,6 +257,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "messages": messages_page,
     "trust": trust_page,
     "tolerances": tolerances_page,
+    "materials": materials_page,
     "labels": labels_page,
 }
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from . import errors, limits, partition, units
+from . import errors, limits, partition, shapes, units
 from ._core import version as _version
 from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
@@ -61,6 +61,7 @@ __all__ = [
     "load_sweep",
     "partition",
     "samples",
+    "shapes",
     "simulate",
     "sweep",
     "table",

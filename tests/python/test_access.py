@@ -83,6 +83,10 @@ CALLS: list[tuple[Call, dict[str, Any]]] = [
         ("add_rod", "c", {"start": (0, 0, 0), "end": (1, 2, 3), "mass": 0.3}),
         {"start": (0, 1, 0), "end": (3, 1, 1), "mass": 0.0, "gravity": False},
     ),
+    (
+        ("add_solid", "s", {"shape": pt.shapes.Disc(0.1, 0.02), "density": "8 g/cm^3", "position": (4, 0, 0)}),
+        {"shape": pt.shapes.Box((1, 2, 3)), "density": 700.0, "orientation": TURN, "gravity": False},
+    ),
     (("add_body", "d", {"mass": 1.0, "inertia": (1, 1, 1), "position": (0, 3, 0)}), {"position": (0, 4, 1)}),
     (("add_body", "e", {"mass": 1.0, "inertia": (1, 1, 1), "orientation": BACK}), {"orientation": TURN}),
     (("add_revolute", "R", {**CARRIED, **ONE_AXIS}), {**NEW_PLACE, **NEW_AXIS}),

@@ -72,6 +72,10 @@ def mechanism() -> pt.Mechanism:
     return m
 
 
+def solid() -> Any:
+    return mechanism().add_solid("s", pt.shapes.Sphere(0.1), material="steel")
+
+
 def loop() -> pt.Mechanism:
     return pt.catalogue.load("four-bar")
 
@@ -122,6 +126,14 @@ def built() -> dict[str, Callable[[], Call]]:
             "mass": 1.0,
             "inertia": (1.0, 1.0, 1.0),
             "com": ORIGIN,
+            "position": ORIGIN,
+            "orientation": np.eye(3),
+            "gravity": True,
+        },
+        "add_solid": {
+            "name": "s",
+            "shape": pt.shapes.Disc(0.1, 0.02),
+            "density": 7850.0,
             "position": ORIGIN,
             "orientation": np.eye(3),
             "gravity": True,
@@ -740,6 +752,26 @@ def asked() -> dict[str, Callable[[], Call]]:
             {**matrices, "selection": "collective", "threshold": 1.0, "weights": None, "fixed": None},
         ),
         "partition.geometry": (pt.partition.geometry, {**matrices, "independent": [0]}),
+        "shapes.Disc": (pt.shapes.Disc, {"radius": 0.1, "thickness": 0.02}),
+        "shapes.Cylinder": (pt.shapes.Cylinder, {"radius": 0.1, "length": 0.2, "inner_radius": 0.05}),
+        "shapes.Box": (pt.shapes.Box, {"size": (0.1, 0.2, 0.3)}),
+        "shapes.Sphere": (pt.shapes.Sphere, {"radius": 0.1}),
+        "shapes.Plate": (
+            pt.shapes.Plate,
+            {"outline": [(0, 0), (1, 0), (1, 1), (0, 1)], "thickness": 0.1, "holes": [((0.5, 0.5), 0.1)]},
+        ),
+        "shapes.Plate.hole": (
+            lambda center, radius: pt.shapes.Plate(((0, 0), 1.0), 0.1, holes=[(center, radius)]),
+            {"center": (0.1, 0.2), "radius": 0.1},
+        ),
+        "shapes.Revolution": (pt.shapes.Revolution, {"profile": [(0, 0), (0.1, 0), (0, 0.2)]}),
+        "shapes.Sum": (pt.shapes.Sum, {"parts": pt.shapes.Sphere(0.1).at().parts}),
+        "Shape.at": (pt.shapes.Sphere(0.1).at, {"position": X, "orientation": np.eye(3)}),
+        "Mechanism.add_solid.material": (
+            lambda material, mass: mechanism().add_solid("s", pt.shapes.Sphere(0.1), material=material, mass=mass),
+            {"material": "steel", "mass": None},
+        ),
+        "Body.shape": (lambda value: setattr(solid(), "shape", value), {"value": pt.shapes.Sphere(0.2)}),
         "units.convert": (lambda **given: Exact([pt.units.convert(**given)]), {"value": 1.0, "unit": "m", "to": "mm"}),
         "catalogue.load": (pt.catalogue.load, {"name": "n-four-bar", "loops": 2}),
         "catalogue.entry": (pt.catalogue.entry, {"name": "n-four-bar", "loops": 2}),

@@ -2,6 +2,7 @@
 
 import sys
 from time import monotonic, sleep
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,6 +92,37 @@ def test_a_second_page_ends_the_first() -> None:
         assert "closed" in repr(first) and "closed" not in repr(second)
         first.update()
         first.close()
+
+
+def test_solids_are_sent_as_they_are_drawn_on_pages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Meshes, and boxes with their axes."""
+    import viser
+
+    sent: dict[str, list[dict[str, Any]]] = {"add_mesh_simple": [], "add_box": []}
+    for method, calls in sent.items():
+        add = getattr(viser.SceneApi, method)
+
+        def spy(self: Any, name: str, *given: Any, add: Any = add, calls: Any = calls, **more: Any) -> Any:
+            calls.append({"name": name, "given": given, **more})
+            return add(self, name, *given, **more)
+
+        monkeypatch.setattr(viser.SceneApi, method, spy)
+    turn = pt.shapes.Box((0.1, 0.2, 0.3)).at((0.5, 0, 0), (1, 0, 0, 1))
+    link = pt.shapes.Plate([(0, 0), (0.4, 0), (0.4, 0.1)], 0.01, holes=[((0.3, 0.04), 0.02)])
+    m = pt.Mechanism("solids")
+    m.add_solid("arm", turn, material="steel")
+    m.add_solid("plate", link, material="PLA")
+    for name in m.bodies:
+        m.add_revolute(f"J {name}", m.ground, name, point=(0, 0, 0))
+    with m.stepper(1e-3).show(port=0):
+        (box,), (mesh,) = sent["add_box"], sent["add_mesh_simple"]
+        assert box["dimensions"] == (0.1, 0.2, 0.3) and box["position"] == (0.5, 0.0, 0.0)
+        assert np.abs(np.abs(box["wxyz"]) - [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]).max() < 1e-12
+        points, faces = mesh["given"]
+        assert mesh["name"].startswith("/bodies/1 plate/") and len(faces) > 48
+        assert points.min(axis=0) == pytest.approx(link.bounds[0]) and points.max(axis=0) == pytest.approx(
+            link.bounds[1]
+        )
 
 
 def test_what_is_wrong_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

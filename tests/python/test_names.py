@@ -389,7 +389,7 @@ JOINED: dict[tuple[str, ...], str] = {
     ("body",): "one",
 }
 """What an element can join, and what the order means: docs/elements.md, decision 0067."""
-OTHERS = {"add_body", "add_rod", "add_coupler", "add_constraint", "add_force_law", "add_sensor", "add_imu"}
+OTHERS = {"add_body", "add_rod", "add_solid", "add_coupler", "add_constraint", "add_force_law", "add_sensor", "add_imu"}
 """Bodies, which join nothing, and elements that take a list of what they depend on."""
 
 

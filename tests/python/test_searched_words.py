@@ -12,6 +12,7 @@ ROW = re.compile(r"^\| ([^|]+) \| (.*) \|$", flags=re.MULTILINE)
 LINK = re.compile(r"\[[^\]]+\]\(([\w/-]+\.md)#([\w-]+)\)")
 SEARCHED = (
     "natural frequency", "equilibrium", "motor torque", "release", "rope", "spring force", "degrees of freedom",
+    "inertia of a disc", "density", "CAD",
     "singular", "over-constrained", "CAD inertia",
 )  # fmt: skip
 

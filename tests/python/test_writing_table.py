@@ -59,6 +59,8 @@ JOINTS: dict[str, Add] = {
 OTHERS: dict[str, Add] = {
     "body": lambda m, name: m.add_body(name, mass=1.0, inertia=(1, 1, 1)),
     "rod": lambda m, name: m.add_rod(name, (0, 0, 1), (1, 0, 1), mass=1.0),
+    "solid": lambda m, name: m.add_solid(name, pt.shapes.Disc(0.1, 0.02), material="steel"),
+    "form": lambda m, name: m.add_solid(name, pt.shapes.Sphere(0.1), material="steel"),
     "body without gravity": lambda m, name: m.add_body(name, mass=1.0, inertia=(1, 1, 1), gravity=False),
     "compliance": lambda m, name: m.add_compliance("A", translation=1e-6),
     "rotor": lambda m, name: m.add_rotor("A", 1e-3, ratio=50.0, name=name),
@@ -134,8 +136,9 @@ def test_the_table_has_every_element() -> None:
     methods = {
         named.get(name, name.removeprefix("add_").replace("_", " ")) for name in dir(pt.Mechanism) if name[:4] == "add_"
     }
-    assert methods | {"gravity", "time-dependent gravity", "drawing tolerance", "body without gravity"} == set(TABLE)
-    assert methods | {"body without gravity"} == set(ADDED)
+    settings = {"gravity", "time-dependent gravity", "drawing tolerance"}
+    assert methods | {"body without gravity", "form"} | settings == set(TABLE)
+    assert methods | {"body without gravity", "form"} == set(ADDED)
 
 
 @pytest.mark.parametrize("suffix", [".urdf", ".mjcf", ".usda", ".toml"])

@@ -23,6 +23,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "Gallery": ("gallery/index",),
     "In depth": (
+        "solids",
         "assembly",
         "kinematics",
         "couplings",
@@ -129,7 +130,7 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "elements": (
         "Elements and readings",
-        "What `add_...` returns, the mappings that hold it, and readings of coordinates.",
+        "What `add_...` returns, the mappings that hold it, shapes of bodies, and readings of coordinates.",
         (
             "builder.Body",
             "builder.records.Point",
@@ -150,6 +151,13 @@ REFERENCE: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "SetRates",
             "Stop",
             "table",
+            "shapes.Disc",
+            "shapes.Cylinder",
+            "shapes.Box",
+            "shapes.Sphere",
+            "shapes.Plate",
+            "shapes.Revolution",
+            "shapes.Sum",
             "builder.SampledTable",
             "builder.Expression",
         ),

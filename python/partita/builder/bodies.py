@@ -1,4 +1,4 @@
-"""Bodies: `Mechanism.add_body` and `Mechanism.add_rod`."""
+"""Bodies: `Mechanism.add_body`, `Mechanism.add_rod` and `Mechanism.add_solid`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..numeric import shown
+from ..shapes import MATERIALS, Shape
 from ..units import Quantity
 from . import frames
 from .checks import Array, Element, find, name_of, number, switch, vector
 from .drawing import Drawing
-from .records import GROUND, Body, BodyRecord, Description, Handle
+from .records import GROUND, Body, BodyRecord, Description, Handle, Solid
 
 
 def add_body(
@@ -24,7 +26,8 @@ def add_body(
     orientation: Any = None,
     gravity: bool = True,
 ) -> Body:
-    """Add a rigid body of any shape. For a straight uniform bar prefer `add_rod`.
+    """Add a rigid body of known mass and inertia. For a straight uniform bar prefer `add_rod`, for a disc, a plate, a
+    box and their like `add_solid`, which computes both.
 
     Args:
         name: unique among the bodies; "ground" is reserved.
@@ -107,6 +110,90 @@ def add_rod(self: Drawing, name: str, start: ArrayLike, end: ArrayLike, mass: Qu
     )
     self._description.store(self._description.bodies, record)
     return Body(name, self)
+
+
+def add_solid(
+    self: Drawing,
+    name: str,
+    shape: Shape,
+    *,
+    material: str | None = None,
+    density: Quantity | None = None,
+    mass: Quantity | None = None,
+    position: ArrayLike = (0.0, 0.0, 0.0),
+    orientation: Any = None,
+    gravity: bool = True,
+) -> Body:
+    """Add a body of a shape: its mass, centre of mass and inertia are computed, and it is drawn so.
+
+    Args:
+        name: unique among the bodies.
+        shape: a value of `partita.shapes`, such as `pt.shapes.Disc(radius, thickness)`, or a sum of these. Its origin
+            and axes are those of the body.
+        material: "steel", "aluminium", "PLA" and others; `pt.shapes.MATERIALS` has their densities.
+        density: [kg/m^3], instead of a material.
+        mass: [kg], instead of a material, spread evenly over the shape.
+        position: of the body's origin in the world, as drawn [m].
+        orientation: body axes in the world, as drawn: None (parallel to the world), a 3x3 rotation whose
+            columns are the body axes, a quaternion (w, x, y, z) of any length, or a SciPy `Rotation`.
+        gravity: False: gravity does not act on this body.
+
+    Raises:
+        DescriptionError: not one of material, density and mass is given, a number is impossible, or the name is taken.
+        UnknownNameError: there is no such material.
+
+    >>> import partita as pt
+    >>> m = pt.Mechanism("flywheel")
+    >>> wheel = m.add_solid("wheel", pt.shapes.Disc("100 mm", "20 mm"), material="steel")
+    >>> round(wheel.mass, 6), round(wheel.inertia[2, 2], 6)
+    (4.932301, 0.024662)
+    """
+    element = name_of("body", name, self._description.bodies, (GROUND,))
+    if not isinstance(shape, Shape):
+        element.fail(f"shape must be a value of partita.shapes, such as pt.shapes.Disc(0.1, 0.02), not {shown(shape)}")
+    solid = _made_of(element, shape, {"material": material, "density": density, "mass": mass})
+    weight = float(solid.value) if solid.word == "mass" else shape.volume * density_of(solid)
+    record = BodyRecord(
+        name=name,
+        mass=number(element, "mass", weight, "kg", least=0.0),
+        inertia=frames.inertia(element, (weight / shape.volume) * shape.inertia),
+        com=vector(element, "com", shape.centroid, "m"),
+        position=vector(element, "position", position, "m"),
+        rotation=frames.rotation(element, "orientation", orientation),
+        gravity=switch(element, "gravity", gravity),
+        solid=solid,
+    )
+    self._description.store(self._description.bodies, record)
+    return Body(name, self)
+
+
+_MATERIALS = {name.lower(): name for name in MATERIALS}
+
+
+def _made_of(element: Element, shape: Shape, choices: dict[str, Any]) -> Solid:
+    """The one that is given."""
+    known = [word for word, value in choices.items() if value is not None]
+    if len(known) != 1:
+        which = "none" if not known else f"{', '.join(known[:-1])} and {known[-1]}"
+        element.fail(f"give one of material, density and mass, not {which}: each determines the mass of the shape")
+    word = known[0]
+    value = choices[word]
+    if word == "material":
+        if not isinstance(value, str):
+            element.fail(f'material must be a name such as "steel", not {shown(value)}')
+        if value.strip().lower() in _MATERIALS:
+            return Solid(shape, word, _MATERIALS[value.strip().lower()])
+        find("material", value, MATERIALS, where=f'body "{element.name}": ')
+    unit = "kg" if word == "mass" else "kg/m^3"
+    least, above = (0.0, None) if word == "mass" else (None, 0.0)
+    return Solid(shape, word, number(element, word, value, unit, least=least, above=above))
+
+
+def density_of(solid: Solid) -> float:
+    """Density, however the mass was given."""
+    if isinstance(solid.value, str):
+        return MATERIALS[solid.value]
+    return solid.value if solid.word == "density" else solid.value / solid.shape.volume
 
 
 def resolve(mechanism: Drawing, asker: Element, what: str, body: Body | str, *, ground: bool = True) -> str:

@@ -34,6 +34,7 @@ class Builder(NamedJoints, JointLoads, OneWayLaws, TwoPointLoads):
 
     add_body = body_room.add_body
     add_rod = body_room.add_rod
+    add_solid = body_room.add_solid
 
     add_screw = primitive_room.add_screw
     add_custom_joint = primitive_room.add_custom_joint

@@ -30,6 +30,7 @@ from .records import (
     LoadRecord,
     Ref,
     RotorRecord,
+    Solid,
     TorqueRecord,
 )
 from .sampled import JoinedTable, SampledTable
@@ -44,6 +45,9 @@ _JOINTS = {"joint", "joint1", "joint2", "pulley1", "pulley2", "pinion", "slide"}
 def call_of(record: Any) -> Call:
     """The call that makes a record; default arguments are omitted."""
     match record:
+        case BodyRecord(solid=Solid(shape, basis, value)):
+            pose = {"position": record.position, "orientation": record.rotation, "gravity": record.gravity}
+            return "add_solid", {"shape": shape, basis: value, **pose}
         case BodyRecord(rod=None):
             arguments = {
                 "mass": record.mass,

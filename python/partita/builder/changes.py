@@ -18,6 +18,7 @@ import numpy as np
 
 from ..errors import UnknownAttributeError
 from ..sensing import uses
+from .bodies import density_of
 from .calls import call_of, kind_of, readers, referring, words_of
 from .checks import Element, find, vector
 from .drawing import Drawing
@@ -52,7 +53,7 @@ def read(mechanism: Drawing, handle: Handle, word: str) -> Any:
     if word == "kind":
         return kind_of(record)
     derived = _derived(record)
-    if word in derived:
+    if word in derived or (word in _BY_MASS and word in (derived := _of_solid(record))):
         return _shown(mechanism, derived[word])
     known = words_of(type(mechanism), record)
     if word not in known:
@@ -122,7 +123,7 @@ def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> 
         if word in ("kind", "name", "mechanism", "table"):
             element.fail(f"its {word} cannot be changed; remove the element and add another")
         if word in derived and word != "compliance":
-            element.fail(f"its {word} follows from start, end and mass; set these")
+            element.fail(f"its {word} follows from {_basis(record)}; set these")
         if word not in known and word not in derived:
             _unknown(handle, kind_of(record), word, [*known, *derived])
     new = {word: value for word, value in arguments.items() if word in known}
@@ -132,6 +133,8 @@ def change(mechanism: Drawing, handle: Handle, arguments: Mapping[str, Any]) -> 
         if not new:
             return
         method, given = call_of(record)
+        if method == "add_solid" and any(new.get(word) is not None for word in _BY_MASS):
+            given = {word: value for word, value in given.items() if word not in _BY_MASS}  # one replaces another
         _again(mechanism, handle.table, handle.name, method, {**given, **new}, set(new))
         if handle.table == "sensors":
             _check_order(mechanism, element)
@@ -179,7 +182,24 @@ def _derived(record: Any) -> dict[str, Any]:
     if isinstance(record, BodyRecord) and record.rod is not None:
         frame = {"inertia": record.inertia, "com": record.com, "position": record.position}
         return {**frame, "orientation": record.rotation, "length": record.rod[2]}
+    if isinstance(record, BodyRecord) and record.solid is not None:
+        return {"inertia": record.inertia, "com": record.com}
     return {"compliance": record.compliance} if isinstance(record, JointRecord) else {}
+
+
+_BY_MASS = ("material", "density", "mass")
+
+
+def _of_solid(record: Any) -> dict[str, Any]:
+    """What is known of the mass of a solid, however it was given."""
+    if not isinstance(record, BodyRecord) or record.solid is None:
+        return {}
+    return {"mass": record.mass, "density": density_of(record.solid)}
+
+
+def _basis(record: Any) -> str:
+    """The arguments from which the rest of a body is computed."""
+    return "start, end and mass" if record.rod is not None else "shape and one of material, density and mass"
 
 
 def _shown(mechanism: Drawing, value: Any) -> Any:

@@ -396,7 +396,7 @@ def compile_description(
     """Compile a description that will not change any more; also the layout of its states. Joints that events of a run
     may part (`parting`) are cut."""
     if not description.bodies:
-        Element("mechanism", description.name).fail("it has no bodies; add some with add_body or add_rod")
+        Element("mechanism", description.name).fail("it has no bodies; add some with add_body, add_rod or add_solid")
     layout = Layout()
     writer = Writer(description, layout)
     text = writer.text()

@@ -55,7 +55,8 @@ class Elements(Mapping[str, H], Generic[H]):
 
     def __setitem__(self, name: str, value: object) -> NoReturn:
         """Refused: elements are added by the methods of the mechanism."""
-        verb = "add_body or add_rod" if self._word == "body" else f"the method that makes such a {self._word}"
+        bodies = "add_body, add_rod or add_solid"
+        verb = bodies if self._word == "body" else f"the method that makes such a {self._word}"
         Element(self._word, str(name)).fail(f"it cannot be assigned; use {verb}, or set the attributes of one")
 
     def remove(self, name: str | H) -> None:

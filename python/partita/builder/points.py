@@ -106,10 +106,12 @@ def _joints_of(d: Description) -> dict[str, list[Array]]:
 
 
 def _extent(record: BodyRecord, joints: Sequence[Array]) -> tuple[Array, Array]:
-    """The box, in body axes, around the centre of mass, the ends of a rod, and the joints."""
+    """The box, in body axes, around the centre of mass, the ends of a rod, a shape, and the joints."""
     points = [record.com, *(matmul(record.rotation.T, point - record.position) for point in joints)]
     if record.rod is not None:
         points += [np.zeros(3), np.array([record.rod[2], 0.0, 0.0])]
+    if record.solid is not None:
+        points += record.solid.shape.bounds
     return np.min(points, axis=0), np.max(points, axis=0)
 
 

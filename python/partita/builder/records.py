@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..errors import UnknownNameError
 from ..products import matmul
 from ..sensing import SensorRecord
+from ..shapes import Shape
 from ..units.door import SI
 from .checks import Array, Element, find, vector
 from .poses import PoseValue
@@ -161,6 +162,15 @@ Call = tuple[str, Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
+class Solid:
+    """Of what a body was made: its shape, and its mass by one of `material`, `density` and `mass`."""
+
+    shape: Shape
+    word: str
+    value: str | float
+
+
+@dataclass(frozen=True)
 class BodyRecord:
     """One rigid body; arrays in body axes except `position` and `rotation`."""
 
@@ -172,6 +182,7 @@ class BodyRecord:
     rotation: Array  # (3, 3) body axes to world axes, as drawn
     rod: tuple[Array, Array, float] | None = None  # start, end, length
     gravity: bool = True
+    solid: Solid | None = None
 
     def to_world(self, point: Array) -> Array:
         """World position of a point of the body as drawn."""

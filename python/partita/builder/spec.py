@@ -12,6 +12,7 @@ import numpy as np
 
 from ..products import norm
 from ..sensing import Senses
+from ..shapes import plain_of
 from ..state import Layout
 from .bodies import to_world
 from .integrals import rate_of
@@ -229,8 +230,15 @@ def _body(record: BodyRecord) -> dict[str, Any]:
         "inertia": record.inertia.tolist(),
         "position": record.position.tolist(),
         "orientation": record.rotation.tolist(),
-        "shape": {"kind": "auto"} if record.rod is None else {"kind": "rod", "length": record.rod[2]},
+        "shape": _shape(record),
     }
+
+
+def _shape(record: BodyRecord) -> dict[str, Any]:
+    """How it looks, where that is known."""
+    if record.solid is not None:
+        return {"kind": "solid", "form": plain_of(record.solid.shape)}
+    return {"kind": "auto"} if record.rod is None else {"kind": "rod", "length": record.rod[2]}
 
 
 def _numbers_of(record: CouplingRecord) -> dict[str, Any]:

@@ -125,7 +125,8 @@ def _one_of(value: Any, rule: Schema, pointer: str, owner: str) -> None:
     if not isinstance(value["type"], str) or value["type"] not in kinds:
         close = _close(value["type"], kinds)
         hint = f'did you mean "{close}"?' if close else f"known types: {', '.join(kinds)}"
-        raise Mismatch(child(pointer, "type"), f"there is no joint of type {_shown(value['type'])}; {hint}")
+        kind = owner.partition(" ")[0]
+        raise Mismatch(child(pointer, "type"), f"there is no {kind} of type {_shown(value['type'])}; {hint}")
     check(value, kinds[value["type"]], pointer, f"{value['type']} {owner}")
 
 

@@ -45,6 +45,7 @@ from ..errors import (
     UnknownNameError,
 )
 from ..files import BLANK, get, intact, other, put, sealed
+from ..shapes import shape_of
 from . import schema
 from .toml_writer import document
 
@@ -56,7 +57,7 @@ SEAL = "# as saved by partita (delete this line after editing): "
 # Tables whose elements are created together, in the order of the file. All other tables of the schema are forces;
 # sensors come last.
 _STAGES = (
-    ("body", "rod"),
+    ("body", "rod", "solid"),
     ("joint",),
     ("compliance",),
     ("coupler", "gear", "belt", "rack", "distance", "cam", "point_on_curve", "rolling"),
@@ -154,6 +155,8 @@ class _File:
         for tables in (*_STAGES, forces, ("sensor",)):
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)
+                if kind == "solid":
+                    arguments["shape"] = self._call(pointer, shape_of, {"plain": arguments["shape"]})
                 if mend is not None and kind == "body":
                     arguments = mend(arguments)
                 self._call(pointer, getattr(mechanism, method), arguments)

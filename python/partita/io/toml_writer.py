@@ -26,6 +26,7 @@ from ..builder.records import (
 from ..builder.spec import VERSION
 from ..builder.values import BY_DEFAULT, Constant, Cubics, Function, Table, Value
 from ..sensing import OF_MOUNTED, SensorRecord
+from ..shapes import plain_of
 
 _WIDTH = 110
 Entries = dict[str, Any]
@@ -45,7 +46,8 @@ def document(mechanism: Builder) -> str:
 def _tables(mechanism: Builder) -> Iterator[str]:
     d = mechanism._description
     for body in d.bodies.values():
-        yield _table("[[body]]", _body(body)) if body.rod is None else _table("[[rod]]", _rod(body))
+        kind, entries = _of_body(body)
+        yield _table(f"[[{kind}]]", entries)
     for joint in d.joints.values():
         yield _table("[[joint]]", _joint(joint))
     for coupling in d.couplings.values():
@@ -87,6 +89,14 @@ def _sensor(record: SensorRecord) -> Entries:
     return {"name": record.name, "of": of, **entries, "unit": record.unit, "text": record.text}
 
 
+def _of_body(record: BodyRecord) -> tuple[str, Entries]:
+    """The table of a body, and its entries."""
+    if record.solid is not None:
+        of = {record.solid.word: record.solid.value}
+        return "solid", {"name": record.name, "shape": plain_of(record.solid.shape), **of, **_pose_of(record)}
+    return ("body", _body(record)) if record.rod is None else ("rod", _rod(record))
+
+
 def _body(record: BodyRecord) -> Entries:
     diagonal = np.diag(record.inertia)
     return {
@@ -94,6 +104,12 @@ def _body(record: BodyRecord) -> Entries:
         "mass": record.mass,
         "inertia": diagonal if np.array_equal(record.inertia, np.diag(diagonal)) else record.inertia,
         "com": record.com if np.any(record.com) else None,
+        **_pose_of(record),
+    }
+
+
+def _pose_of(record: BodyRecord) -> Entries:
+    return {
         "position": record.position if np.any(record.position) else None,
         "orientation": None if np.array_equal(record.rotation, np.eye(3)) else record.rotation,
         "gravity": None if record.gravity else False,

@@ -72,8 +72,9 @@ _SAMPLED = (
     "coordinates of a generic joint before saving"
 )
 _ROWS = (
-    _row("body, rod", Fate(WRITTEN, "a link, its frame at its joint"), Fate(WRITTEN, "a body")),
+    _row("body, rod, solid", Fate(WRITTEN, "a link, its frame at its joint"), Fate(WRITTEN, "a body")),
     _row("body without gravity", _SIDE, Fate(WRITTEN, "`gravcomp`"), Fate(CHANGED, "a schema of PhysX")),
+    _row("form", Fate(OMITTED, "it is drawn, and moves nothing")),
     _row("gravity", _SIDE, Fate(WRITTEN, "`option`"), Fate(WRITTEN, "`PhysicsScene`")),
     _row("time-dependent gravity", Fate(DROPPED, "gravity keeps its constant part"), toml=_GIVEN),
     _row("drawing tolerance", _SIDE, Fate(DROPPED, "loops are closed within the default tolerance")),
@@ -153,6 +154,8 @@ def elements(d: Description) -> Iterator[tuple[str, str, str, Any]]:
             yield kind, name, _word(kind, record), record
             if table is d.bodies and not record.gravity:
                 yield "body without gravity", name, "body", record
+            if table is d.bodies and record.solid is not None:
+                yield "form", name, "form of body", record
             if isinstance(record, JointRecord) and record.compliance is not None:
                 yield "compliance", name, "compliance of joint", record
 

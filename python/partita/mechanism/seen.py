@@ -326,7 +326,7 @@ def _page(
 
 def _nothing(self: Modelled) -> ArgumentError:
     return ArgumentError(
-        f'mechanism "{self.name}" has no body to show; add one with add_body or add_rod', argument="self"
+        f'mechanism "{self.name}" has no body to show; add one with add_body, add_rod or add_solid', argument="self"
     )
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
+from ..shapes import Shape, drawn
 from ..tolerance import EQUAL_IN_SIX_DIGITS
 from .meshes import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
 
@@ -43,8 +44,24 @@ def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]
         several = given if isinstance(given, list | tuple) else [given]
         if not several:
             _fail("shapes", f"of {name!r} is empty: leave the body out, or give a shape")
-        found[_body(name, bodies)] = [_solid(name, one) for one in several]
-    _load_meshes([part for parts in found.values() for part in parts if part["kind"] == "mesh"])
+        found[_body(name, bodies)] = [part for one in several for part in _parts(name, one)]
+    _load_meshes([part for parts in found.values() for part in parts if "file" in part])
+    return found
+
+
+def _parts(name: Any, given: Any) -> list[dict[str, Any]]:
+    """The solids of a shape, or the one that is given."""
+    return form(given) if isinstance(given, Shape) else [_solid(name, given)]
+
+
+def form(shape: Shape) -> list[dict[str, Any]]:
+    """The solids of a shape, with no more triangles than a page can draw."""
+    found = drawn(shape)
+    for part in found:
+        if part["kind"] == "mesh" and part["of"] > MOST_TRIANGLES:
+            points, faces = np.reshape(part["points"], (-1, 3)), np.reshape(part["faces"], (-1, 3))
+            corners, triangles = simplified(points, faces, MOST_TRIANGLES)
+            part |= {"points": corners.ravel().tolist(), "faces": triangles.ravel().tolist(), "closed": False}
     return found
 
 
@@ -93,7 +110,11 @@ def _body(name: Any, bodies: Sequence[str]) -> int:
 def _solid(name: Any, given: Any) -> dict[str, Any]:
     of = f"of {name!r}"
     if not isinstance(given, Mapping) or given.get("kind") not in SOLIDS:
-        _fail("shapes", f'{of} must be {{"kind": ...}} with one of {", ".join(SOLIDS)}, not {shown(given)}')
+        _fail(
+            "shapes",
+            f'{of} must be a value of partita.shapes, or {{"kind": ...}} with one of {", ".join(SOLIDS)}, not '
+            f"{shown(given)}",
+        )
     words = SOLIDS[given["kind"]]
     unknown = [str(word) for word in given if word != "kind" and word not in words]
     if unknown:

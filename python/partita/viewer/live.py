@@ -51,15 +51,14 @@ class LiveView:
         viser = extra("viser", "live", "a live view")
         _checked(host, port)
         bodies = list(at.names.bodies)
-        chosen = solids(shapes, bodies)
-        drawn = describe(at, None, chosen)
+        drawn = describe(at, None, solids(shapes, bodies))
         self._now, self._lock = now, threading.Lock()
         self._wanted, self._busy, self._closed = False, False, False
         self._last, self._sent = -np.inf, 0
         with redirect_stdout(StringIO()):  # viser prints its start and stop messages in a frame
             self._server = viser.ViserServer(host=host, port=int(port), label=drawn["title"], verbose=False)
         self._host = host
-        self._scene = _Drawing(self._server, drawn, chosen, _middle(at))
+        self._scene = _Drawing(self._server, drawn, _middle(at))
         self._send()
 
     @property
@@ -146,9 +145,7 @@ class LiveView:
 class _Drawing:
     """The objects in the scene of the server, and their motion."""
 
-    def __init__(
-        self, server: Any, drawn: Mapping[str, Any], chosen: Mapping[int, list[dict[str, Any]]], middle: FloatArray
-    ) -> None:
+    def __init__(self, server: Any, drawn: Mapping[str, Any], middle: FloatArray) -> None:
         self._server, self._scene = server, server.scene
         self._size = float(drawn["size"])
         self._thick = SLENDER * self._size
@@ -158,10 +155,11 @@ class _Drawing:
             self._scene.add_frame(f"/bodies/{number} {_plain(name)}", show_axes=False)
             for number, name in enumerate(self._names)
         ]
+        solid = {each["body"]: each["parts"] for each in drawn["solids"]}
         for number, body in enumerate(drawn["bodies"]):
-            if number not in chosen:
+            if number not in solid:
                 self._body(number, body)
-        for number, parts in chosen.items():
+        for number, parts in solid.items():
             for i, part in enumerate(parts):
                 self._solid(f"{self._room(number)}/solid {i}", part, HUES[number % len(HUES)] if number >= 0 else PALE)
         for joint in drawn["joints"]:
@@ -238,8 +236,14 @@ class _Drawing:
             self._scene.add_mesh_simple(name, points, fan, color=colour, side="double")
         elif part["kind"] == "ball":
             self._ball(name, np.array(part["center"]), part["radius"], colour)
+        elif part["kind"] == "mesh":
+            points, faces = np.reshape(part["points"], (-1, 3)), np.reshape(part["faces"], (-1, 3))
+            self._scene.add_mesh_simple(name, points, faces, color=colour, flat_shading=True, side="double")
         elif part["kind"] == "box":
-            self._scene.add_box(name, color=colour, dimensions=tuple(part["size"]), position=tuple(part["center"]))
+            axes = np.array(part.get("axes") or np.eye(3), dtype=float)
+            turn = tuple(_quaternions(axes.T[None])[0])
+            size, place = tuple(part["size"]), tuple(part["center"])
+            self._scene.add_box(name, color=colour, dimensions=size, position=place, wxyz=turn)
         else:
             half = 0.5 * part["length"] * np.array(part["axis"], dtype=float)
             middle = np.array(part["center"], dtype=float)

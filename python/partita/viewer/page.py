@@ -39,9 +39,10 @@ def html(
     At most 1500 outputs are stored, fewer for large mechanisms; the page says so when outputs were left out.
     `title` defaults to the name of the mechanism. Names and titles are escaped: they cannot carry markup.
 
-    `shapes` draws bodies as solids: {body: shape}, a shape or a list of them in body axes [m], each one of
-    {"kind": "box", "size": (x, y, z)}, {"kind": "cylinder", "radius": r, "length": l}, "wheel" with the same words and
-    spokes, {"kind": "ball", "radius": r}, {"kind": "plate", "points": [...]}, {"kind": "rod", "start": p, "end": p}.
+    `shapes` draws bodies as solids: {body: shape}, a shape or a list of them in body axes [m], each a value of
+    `partita.shapes` or one of {"kind": "box", "size": (x, y, z)}, {"kind": "cylinder", "radius": r, "length": l},
+    "wheel" with the same words and spokes, {"kind": "ball", "radius": r}, {"kind": "plate", "points": [...]},
+    {"kind": "rod", "start": p, "end": p},
     {"kind": "mesh", "file": "part.stl"} (or .obj, .glb, .gltf; `scale` to metres, a number or three; needs the extra
     "meshes"; of large ones as many triangles as can be drawn). All but plates and rods take `center`, cylinders and
     wheels `axis` (z where it is not given), boxes and meshes `axes`, their directions x, y, z. "ground" counts as a

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..result_view import FEW, ResultView, given, happened, scales, turn_between_outputs, understood
+from ..shapes import shape_of
 from ..tolerance import EQUAL_IN_SIX_DIGITS, LEAST_DIVISOR, NEGLIGIBLE
 from .couplings import Pictures, pictures
 from .curves import curves, efforts, loads_open
 from .geometry import outline, plane_normal, solid_of, view
+from .hints import form
 from .motion import Motion, motion_of
 from .packing import pack_tables
 from .slim import slim
@@ -383,9 +385,14 @@ def _solids(
     joints: list[dict[str, Any]],
     coupled: Pictures,
 ) -> dict[int, list[dict[str, Any]]]:
-    """Rolling bodies, and bodies without known points as uniform solids with their mass and inertia."""
+    """Bodies of known shape, rolling bodies, and bodies without known points as uniform solids with their mass and
+    inertia."""
     found = dict(coupled.rolling)
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
+    for i, body in enumerate(bodies):
+        shape = drawn.get(body["name"], {}).get("shape") or {}
+        if shape.get("kind") == "solid":
+            found[i] = form(shape_of(shape["form"]))
     wheels = {wheel["body"] for wheel in coupled.wheels if not wheel["ring"]}
     wheels |= {joint["child"] for joint in joints if joint["rail"] is not None}  # a slide is drawn as a block
     wheels |= {line["body"] for line in coupled.lines if line["look"] == "cam"}

@@ -30,14 +30,16 @@ class Painter {
   }
 
   /** Triangles, three numbers of corners each, every one at its own depth. */
-  mesh(points, faces, colour) {
+  mesh(points, { faces, closed }, colour) {
     const { camera, c, grain } = this, seen = points.map((p) => camera.project(p));
     const shades = Array.from({ length: 12 }, (_, i) => shade(colour, -0.35 + i * 0.06));
     for (let i = 0; i < faces.length; i += 3) {
       const a = points[faces[i]], b = points[faces[i + 1]], d = points[faces[i + 2]];
       const p = seen[faces[i]], q = seen[faces[i + 1]], r = seen[faces[i + 2]];
       if (!p || !q || !r) continue;
-      const light = Math.abs(dot(unit(cross(sub(b, a), sub(d, a))), camera.back));
+      const n = unit(cross(sub(b, a), sub(d, a)));
+      if (closed && dot(n, camera.toEye(a)) < 0) continue;
+      const light = Math.abs(dot(n, camera.back));
       const fill = shades[Math.min(11, Math.floor(12 * light))];
       this.list.push({ z: (p.z + q.z + r.z) / 3 / grain, draw: () => {
         c.beginPath();

@@ -1,12 +1,12 @@
-// Solids given by the user: boxes, cylinders, wheels, balls, plates, rods, drawn instead of guessed shapes.
+// Solids: boxes, cylinders, wheels, balls, plates, rods, meshes.
 
-/** Draw the parts of one body in a frame. */
+/** Draw the parts of one body. */
 function drawSolids(scene, painter, frame, body, parts) {
   const { run } = scene, colour = scene.colourOf(body);
   const place = (p) => run.placed(frame, body, p), turn = (v) => run.turned(frame, body, v);
   for (const part of parts) {
     if (part.kind === "rod") painter.rod(place(part.start), place(part.end), scene.radius, colour, 6);
-    else if (part.kind === "mesh") painter.mesh(cornersOf(part).map(place), part.faces, colour);
+    else if (part.kind === "mesh") painter.mesh(cornersOf(part).map(place), part, colour);
     else if (part.kind === "plate") painter.plate(part.points.map(place), 0.4 * scene.radius, colour);
     else if (part.kind === "ball") {
       painter.ball(place(part.center), part.radius, colour, 0);

@@ -287,9 +287,12 @@ class Stage:
             points = pose.placed(frame, body, np.reshape(part["points"], (-1, 3)))
             pixels, corners = self.at(points), points[np.reshape(part["faces"], (-1, 3))]
             normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            light = np.abs(normals @ self.back) / np.maximum(np.linalg.norm(normals, axis=1), LEAST_DIVISOR)
+            light = (normals @ self.back) / np.maximum(np.linalg.norm(normals, axis=1), LEAST_DIVISOR)
+            light = np.maximum(light, 0.0) if part.get("closed") else np.abs(light)
             far = corners.mean(axis=1) @ self.back / (0.5 * self.radius)
             for face, z, lit in zip(np.reshape(part["faces"], (-1, 3)), far, light, strict=True):
+                if part.get("closed") and lit <= 0.0:
+                    continue  # the far side
                 lit_colour = shade(colour, -0.35 + 0.66 * float(lit))
                 sheet.add(float(z), partial(sheet.polygon, pixels[face], lit_colour, lit_colour))
         elif kind == "plate":

@@ -1,0 +1,37 @@
+"""Shapes of bodies as values: discs, cylinders, boxes, balls, plates with holes, turned parts, and sums of these.
+
+Each has its exact `volume`, `centroid` and `inertia`, closed forms all of them; `Mechanism.add_solid` makes a body of
+one, and viewers draw it. Lengths are metres, or texts such as "20 mm".
+
+>>> import partita as pt
+>>> wheel = pt.shapes.Disc(radius="60 mm", thickness="8 mm")
+>>> hub = pt.shapes.Cylinder(radius="12 mm", length="20 mm", inner_radius="5 mm")
+>>> both = wheel - pt.shapes.Disc("12 mm", "8 mm") + hub
+>>> round(7850.0 * both.volume, 4)
+0.7409
+"""
+
+from __future__ import annotations
+
+from .drawn import drawn
+from .materials import MATERIALS
+from .plain import plain_of, shape_of
+from .plate import Plate
+from .revolution import Revolution
+from .round import Box, Cylinder, Disc, Sphere
+from .shape import Shape, Sum
+
+__all__ = [
+    "MATERIALS",
+    "Box",
+    "Cylinder",
+    "Disc",
+    "Plate",
+    "Revolution",
+    "Shape",
+    "Sphere",
+    "Sum",
+    "drawn",
+    "plain_of",
+    "shape_of",
+]
