@@ -99,14 +99,14 @@ impl<'p> Active<'p> {
 }
 
 impl Polyhedron {
-    /// The inequality that is violated most at x, over the length of its row and what is added up.
-    fn violated(&self, x: &[f64], active: &[usize]) -> Option<usize> {
+    /// The inequality that is violated most at x, over the length of its row and what is added up, `from` among it.
+    fn violated(&self, x: &[f64], from: f64, active: &[usize]) -> Option<usize> {
         let part = |i: usize| {
             let row = self.normals.row(i);
             let terms = row.iter().zip(x).map(|(n, x)| (n * x).abs()).fold(self.least[i].abs(), f64::max);
-            let gap = self.least[i] - dense::dot(row, x);
-            if gap > tolerance::LONG_ROUNDING * terms {
-                gap / dense::dot(row, row).sqrt()
+            let (gap, length) = (self.least[i] - dense::dot(row, x), dense::dot(row, row).sqrt());
+            if gap > tolerance::LONG_ROUNDING * terms.max(length * from) {
+                gap / length
             } else {
                 0.0
             }
@@ -123,8 +123,9 @@ impl Polyhedron {
         let first = self.equations.rows();
         let mut active = Active::new(self, Vec::new()).ok_or(ProgramError::Dependent)?;
         let (mut x, mut u) = active.nearest(x0);
+        let from = dense::dot(x0, x0).sqrt();
         for _ in 0..10 * (self.least.len() + x0.len() + 1) {
-            let Some(p) = self.violated(&x, &active.rows) else {
+            let Some(p) = self.violated(&x, from, &active.rows) else {
                 return Ok(active.nearest(x0).0);
             };
             let (normal, mut own) = (self.normals.row(p), 0.0);

@@ -78,6 +78,8 @@ impl EventFunctions for WithContacts {
                 }
                 Lasts::Rate { event, sign, width } => (width - sign * events[*event].x, *width),
             };
+            // a segment is first read where it begins
+            x.last.get_or_insert((at.t, force));
             let rate = x.last.filter(|last| last.0 < at.t).map_or(0.0, |last| (force - last.1) / (at.t - last.0));
             x.read.push((at.t, force));
             *out = Reading { x: force, rate, terms, ..Reading::default() };

@@ -76,7 +76,7 @@ impl Maker {
             };
             let still: Vec<bool> = (0..self.frictions.len()).map(still).collect();
             let before = (&mode.frictions[..], passed);
-            let Rubbed { frictions, pushed, held: all, strength } =
+            let Rubbed { frictions, pushed, held: mut all, strength } =
                 self.rubbed((acting, t, q, &reached.v), (&after, &still), (&rows, &resting), before)?;
             // one that comes back at once, and hardly leaves, stays
             let low = |&i: &usize| {
@@ -88,19 +88,24 @@ impl Maker {
             };
             let fallen: Vec<usize> = (0..sides.len()).filter(low).collect();
             if fallen.is_empty() {
-                let (mut pressing, mut covered) = (BTreeSet::new(), BTreeSet::new());
-                for (i, &stop) in closed.iter().enumerate().filter(|x| stays[x.0]) {
+                let force = |i: usize| after.contact_acceleration(sides[i], &pushed);
+                let still = |i: usize| {
                     let rubbed = after.length(sides[i].row) * strength;
-                    let still = tolerance::EQUAL * (after.strongest(sides[i]) + rubbed);
-                    let (row, growth) = (sides[i].row, after.growth(sides[i], &pushed.v));
-                    let force = after.contact_acceleration(sides[i], &pushed);
-                    let least = if passed.contains(&Own::Press(stop)) { still } else { 0.0 };
+                    tolerance::EQUAL * (after.strongest(sides[i]) + rubbed)
+                };
+                let opened = |i: usize| passed.contains(&Own::Press(closed[i])) && force(i) < still(i);
+                let rests = |i: &usize| stays[*i] && after.growth(sides[*i], &pushed.v) <= still(*i);
+                // those that need not press, as others that do hold them, come last
+                let (loaded, idle): (Vec<usize>, Vec<usize>) =
+                    (0..sides.len()).filter(rests).filter(|&i| force(i) >= 0.0).partition(|&i| force(i) > 0.0);
+                let (mut pressing, mut covered) = (BTreeSet::new(), BTreeSet::new());
+                for i in loaded.into_iter().chain(idle) {
+                    let row = sides[i].row;
                     if after.follows(row, &all) && !after.follows(row, acting.always) {
-                        if growth <= still {
-                            covered.insert(stop);
-                        }
-                    } else if growth <= still && force >= least {
-                        pressing.insert(stop);
+                        covered.insert(closed[i]);
+                    } else if !opened(i) {
+                        pressing.insert(closed[i]);
+                        all.push(row);
                     }
                 }
                 return Ok(Settled { reached, pressing, covered, frictions, accumulated });
@@ -118,8 +123,9 @@ impl Maker {
     }
 
     /// How the frictions act at (t, q, v), and the accelerations there. Those that move slip. Of those at rest all that do
-    /// not carry as much as they can stick to begin with; the first one that would have to carry too much slips, the first one that would slip against its force
-    /// sticks, until none is left (for equal magnitudes at rest and in motion the rule of the least index, which ends).
+    /// not carry as much as they can stick to begin with; the first one that would have to carry too much slips, the
+    /// first one that would slip against its force sticks, until none is left (for equal magnitudes at rest and in motion
+    /// the rule of the least index, which ends).
     pub(super) fn rubbed(
         &self,
         (acting, t, q, v): (&Acting, f64, &[f64], &[f64]),
