@@ -20,11 +20,12 @@ use std::sync::Arc;
 
 /// In place of a method with fixed steps alone.
 const ADAPTING: &str = "dop853";
-/// Tolerances of the steps of a tick in which something acts. Scale: as those of runs. Reason: a hundred times below those
-/// of a run, as steps of a stepper are short.
-const RTOL: f64 = 1e-10;
-/// The absolute one.
-const ATOL: f64 = 1e-12;
+/// The relative tolerance of the steps of a tick in which something acts. Scale: as that of a run. Reason: a hundred times
+/// below that of a run, as the ticks of a stepper are short and few of them are made of segments.
+const TICK_RTOL: f64 = 1e-10;
+/// The absolute tolerance of these steps. Scale: as that of a run. Reason: a hundred times below the relative one, as in a
+/// run.
+const TICK_ATOL: f64 = 1e-12;
 
 /// Makes the functions of the events, from the start of a motion on.
 pub type MakeFunctions = Box<dyn Fn() -> Result<Box<dyn EventFunctions>, AnalysisError> + Send + Sync>;
@@ -173,8 +174,16 @@ impl Ticks {
         // steps that may be shorter
         let method = if self.adapts { self.request.method.clone() } else { ADAPTING.into() };
         let (step, max_step) = (None, self.request.step);
-        let request =
-            Request { t0: before.t, t_end: t, method, step, max_step, rtol: RTOL, atol: ATOL, ..self.request.clone() };
+        let request = Request {
+            t0: before.t,
+            t_end: t,
+            method,
+            step,
+            max_step,
+            rtol: TICK_RTOL,
+            atol: TICK_ATOL,
+            ..self.request.clone()
+        };
         let standing = &mut self.standing;
         let saved = (standing.mode.clone(), standing.now.clone(), standing.work, standing.exchanged);
         let counts = standing.maker.count.clone();
