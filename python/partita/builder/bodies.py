@@ -145,8 +145,8 @@ def add_solid(
     >>> import partita as pt
     >>> m = pt.Mechanism("flywheel")
     >>> wheel = m.add_solid("wheel", pt.shapes.Disc("100 mm", "20 mm"), material="steel")
-    >>> round(wheel.mass, 6), round(wheel.inertia[2, 2], 6)
-    (4.932301, 0.024662)
+    >>> print(f"{wheel.mass:.6f} kg, {wheel.inertia[2, 2]:.6f} kg m^2")
+    4.932300 kg, 0.024662 kg m^2
     """
     element = name_of("body", name, self._description.bodies, (GROUND,))
     if not isinstance(shape, Shape):

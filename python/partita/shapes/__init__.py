@@ -8,17 +8,17 @@ one, and viewers draw it. Lengths are metres, or texts such as "20 mm".
 >>> hub = pt.shapes.Cylinder(radius="12 mm", length="20 mm", inner_radius="5 mm")
 >>> both = wheel - pt.shapes.Disc("12 mm", "8 mm") + hub
 >>> round(7850.0 * both.volume, 4)
-0.7409
+0.7405
 """
 
 from __future__ import annotations
 
+from .basic import Box, Cylinder, Disc, Sphere
 from .drawn import drawn
 from .materials import MATERIALS
 from .plain import plain_of, shape_of
 from .plate import Plate
 from .revolution import Revolution
-from .round import Box, Cylinder, Disc, Sphere
 from .shape import Shape, Sum
 
 __all__ = [

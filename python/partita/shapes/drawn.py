@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..tolerance import EQUAL
+from .basic import Box, Cylinder, Disc, Sphere
 from .plate import Plate, corners
 from .prism import circle, prism
-from .round import Box, Cylinder, Disc, Sphere
 from .shape import Array, Part, Shape, Skin, Sum
 
 DIGITS = 9

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..numeric import shown
 from . import given
+from .basic import Box, Cylinder, Disc, Sphere
 from .plate import Plate
 from .revolution import Revolution
-from .round import Box, Cylinder, Disc, Sphere
 from .shape import Part, Shape, Sum
 
 KINDS: dict[str, type[Shape]] = {kind.word: kind for kind in (Disc, Cylinder, Box, Sphere, Plate, Revolution)}
