@@ -249,8 +249,8 @@ impl Segments {
     }
 }
 
-/// Where a run stands.
-pub(super) struct Standing {
+/// The state of a run, in its mode.
+pub(super) struct RunState {
     maker: Maker,
     mode: Mode,
     /// State, with whole turns in its coordinates.
@@ -262,7 +262,7 @@ pub(super) struct Standing {
     at_once: usize,
 }
 
-impl Standing {
+impl RunState {
     /// At the start: what is closed there closes, and velocities may jump.
     fn new(
         plan: Arc<Plan>,
@@ -360,9 +360,9 @@ pub fn in_segments(
     start: (&[f64], &[f64]),
     watch: &mut dyn FnMut(f64) -> ControlFlow<()>,
 ) -> Result<Segments, AnalysisError> {
-    let mut standing = Standing::new(Arc::new(plan), functions, request, start)?;
-    let all = standing.go_on(request, t_eval, watch)?;
-    Ok(Segments::new(all.into_iter().map(|x| x.1).collect(), standing.maker.happenings))
+    let mut state = RunState::new(Arc::new(plan), functions, request, start)?;
+    let all = state.go_on(request, t_eval, watch)?;
+    Ok(Segments::new(all.into_iter().map(|x| x.1).collect(), state.maker.happenings))
 }
 
 /// A run that cannot go on at t.

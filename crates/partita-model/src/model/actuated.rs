@@ -90,9 +90,9 @@ impl Model {
         self.remade(|spec| {
             spec.drives.retain(|drive| acts(&drive.name));
             for force in &mut spec.forces {
-                let signs = slips(force.name());
-                if let Some(acts) = force.record_mut().acts() {
-                    *acts = signs;
+                let resisted = slips(force.name());
+                if let Some(signs) = force.record_mut().signs() {
+                    *signs = resisted;
                 }
             }
         })

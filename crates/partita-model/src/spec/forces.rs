@@ -130,8 +130,8 @@ pub trait ForceRecord {
     fn set_valued(&self) -> Option<&str> {
         None
     }
-    /// How friction that may stick acts in a mode of a run.
-    fn acts(&mut self) -> Option<&mut [f64; 2]> {
+    /// Of friction that may stick, in a mode of a run: the signs of the motion that its magnitudes resist.
+    fn signs(&mut self) -> Option<&mut [f64; 2]> {
         None
     }
     /// Error in its numbers, all of them finite.

@@ -73,7 +73,7 @@ pub struct Friction {
     /// In a mode of a run, where it may stick: the signs of the motion that its sliding and its static magnitude resist; both
     /// 0: it has no force, a row carries what it carries.
     #[serde(skip)]
-    pub acts: [f64; 2],
+    pub signs: [f64; 2],
 }
 
 fn no_level() -> Value {
@@ -137,8 +137,8 @@ impl ForceRecord for Friction {
     fn set_valued(&self) -> Option<&str> {
         (self.stick_velocity == 0.0).then_some("friction that sticks: give it a stick_velocity")
     }
-    fn acts(&mut self) -> Option<&mut [f64; 2]> {
-        Some(&mut self.acts)
+    fn signs(&mut self) -> Option<&mut [f64; 2]> {
+        Some(&mut self.signs)
     }
     fn fault(&self) -> Option<String> {
         let level = |what, v: &Value| match v {

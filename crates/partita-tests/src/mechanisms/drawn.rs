@@ -371,7 +371,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
             held: Some(Value::Function(2)),
             stick_velocity: 0.6,
             follows: None,
-            acts: [0.0; 2],
+            signs: [0.0; 2],
         }));
         all.push(Force::Friction(Friction {
             name: format!("dry {}", j.name),
@@ -381,7 +381,7 @@ pub fn loads(rng: &mut fastrand::Rng, spec: &mut Spec) {
             held: Some(Value::Constant(1.1)),
             stick_velocity: 0.0,
             follows: None,
-            acts: [-1.0, 0.0],
+            signs: [-1.0, 0.0],
         }));
         all.push(Force::Stop(Stop {
             name: format!("stop {}", j.name),

@@ -325,7 +325,7 @@ fn rub(spec: &mut Spec) {
             held: None,
             stick_velocity: 0.5,
             follows: Some(follows),
-            acts: [0.0; 2],
+            signs: [0.0; 2],
         }));
     }
 }

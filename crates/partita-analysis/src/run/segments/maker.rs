@@ -128,7 +128,7 @@ impl Maker {
         let whole = self.whole(&mode.whole)?;
         let pressing: BTreeSet<&String> = mode.pressing.iter().map(|&i| &self.stops[i].drive).collect();
         let rubbing = || self.frictions.iter().zip(&mode.frictions);
-        let sticks = |name: &str| rubbing().any(|(x, acts)| *acts == StickSlip::Sticks && x.drive == name);
+        let sticks = |name: &str| rubbing().any(|(x, state)| *state == StickSlip::Sticks && x.drive == name);
         let acts = |name: &str| {
             let switched = self.plan.switched.iter().any(|x| x == name);
             !switched || mode.locked.contains(name) || pressing.contains(&name.to_owned()) || sticks(name)
@@ -163,7 +163,7 @@ impl Maker {
     pub(super) fn with_run(&mut self, mode: &Mode, run: Run) -> Result<Segment, AnalysisError> {
         let (whole, (model, rows)) = (self.whole(&mode.whole)?, self.model(mode)?);
         let rubbing = self.frictions.iter().zip(&mode.frictions).filter(|x| x.1.sign() != 0);
-        let slips = rubbing.map(|(x, acts)| Slipping { row: x.row, force: x.force, signs: acts.signs() });
+        let slips = rubbing.map(|(x, state)| Slipping { row: x.row, force: x.force, signs: state.signs() });
         Ok(Segment { whole, model, rows, run, slips: slips.collect() })
     }
 
@@ -190,8 +190,8 @@ impl Maker {
                     event.most = 0; // its force is followed instead, or that of what holds it
                 }
             }
-            for (_, acts) in self.frictions.iter().zip(&mode.frictions).filter(|x| x.0.event == i) {
-                match acts {
+            for (_, state) in self.frictions.iter().zip(&mode.frictions).filter(|x| x.0.event == i) {
+                match state {
                     StickSlip::Slips(sign) => event.side = Some(*sign > 0),
                     StickSlip::Sticks | StickSlip::Rests(_) => event.most = 0,
                 }

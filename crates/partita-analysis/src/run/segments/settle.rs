@@ -25,7 +25,7 @@ pub(super) struct Rubbed {
 
 /// How hard what begins to slip is pushed where the next forces are decided. Scale: largest acceleration that the forces
 /// may give it. Reason: far above what counts as none, far below what is seen.
-const PUSH: f64 = 1e-6;
+const PERTURBATION: f64 = 1e-6;
 
 /// What follows from an instant.
 pub(super) struct Settled {
@@ -38,6 +38,14 @@ pub(super) struct Settled {
     pub(super) frictions: Vec<StickSlip>,
     /// One whose infinitely many impacts are over so soon.
     pub(super) accumulated: Option<(usize, f64)>,
+}
+
+fn sense(x: f64) -> i8 {
+    if x > 0.0 {
+        1
+    } else {
+        -1
+    }
 }
 
 impl Maker {
@@ -131,7 +139,7 @@ impl Maker {
         (acting, t, q, v): (&Acting, f64, &[f64], &[f64]),
         (after, still): (&Impact, &[bool]),
         (rows, resting): (&[usize], &[OneSided]),
-        (before, passed): (&[StickSlip], &[Own]),
+        before: (&[StickSlip], &[Own]),
     ) -> Result<Rubbed, AnalysisError> {
         let count = self.frictions.len();
         if count == 0 {
@@ -142,39 +150,15 @@ impl Maker {
         let levels = self.frictions.iter().map(level).collect::<Result<Vec<_>, _>>()?;
         let levels: Vec<[f64; 2]> = levels.into_iter().map(Option::unwrap_or_default).collect();
         let side = |i: usize| self.frictions[i].side();
-        let sense = |x: f64| if x > 0.0 { 1 } else { -1 };
-        let bare = after.accelerations(rows, resting, &[])?;
-        let mut acts = vec![StickSlip::Sticks; count];
-        let mut decided = vec![false; count];
-        for i in 0..count {
-            let (rate, growth) = (after.rate(side(i)), after.growth(side(i), &bare.v));
-            let moves = !still[i];
-            let bound = after.follows(side(i).row, rows);
-            let set_off = bound && growth.abs() > tolerance::EQUAL * after.strongest(side(i));
-            let led = passed.iter().find_map(|x| match x {
-                Own::Slip(k, sign) if *k == i => Some(*sign),
-                _ => None,
-            });
-            (acts[i], decided[i]) = match (moves, set_off, led) {
-                (true, ..) => (StickSlip::Slips(sense(rate)), true),
-                (_, true, _) => (StickSlip::Slips(sense(growth)), true),
-                (.., Some(sign)) => (StickSlip::Slips(sign), bound),
-                _ if bound => (StickSlip::Rests(0), true),
-                _ => match before[i] {
-                    // as large as it can be, which it may be still
-                    StickSlip::Rests(sign) if sign != 0 => (StickSlip::Slips(sign), false),
-                    _ => (StickSlip::Sticks, false),
-                },
-            };
-        }
+        let (mut states, decided) = self.expected((after, still), (rows, resting), before)?;
         // one that begins to slip takes along those that carry as much as they can in its sense; those in the other stick
-        let frees = |acts: &mut [StickSlip], from: OneSided| -> Result<(), AnalysisError> {
-            let sticks = (0..count).filter(|&j| acts[j] == StickSlip::Sticks).map(|j| side(j).row);
+        let frees = |states: &mut [StickSlip], from: OneSided| -> Result<(), AnalysisError> {
+            let sticks = (0..count).filter(|&j| states[j] == StickSlip::Sticks).map(|j| side(j).row);
             let held: Vec<usize> = rows.iter().copied().chain(sticks.filter(|&row| row != from.row)).collect();
             let with = [&held[..], &[from.row]].concat();
             // at rest until then, as others hold it
             let saturated = |j: usize| {
-                let slips = side(j).row != from.row && !decided[j] && matches!(acts[j], StickSlip::Slips(_));
+                let slips = side(j).row != from.row && !decided[j] && matches!(states[j], StickSlip::Slips(_));
                 slips && after.follows(side(j).row, &with)
             };
             let others: Vec<usize> = (0..count).filter(|&j| saturated(j)).collect();
@@ -187,8 +171,8 @@ impl Maker {
             for j in others {
                 let moved = after.growth(side(j), &with.v) - after.growth(side(j), &without.v);
                 let against = |sign: i8| f64::from(sign) * moved < -tolerance::EQUAL * after.strongest(side(j));
-                if matches!(acts[j], StickSlip::Slips(sign) if against(sign)) {
-                    acts[j] = StickSlip::Sticks;
+                if matches!(states[j], StickSlip::Slips(sign) if against(sign)) {
+                    states[j] = StickSlip::Sticks;
                 }
             }
             Ok(())
@@ -196,14 +180,14 @@ impl Maker {
         let toward = |i: usize, sign: i8| OneSided { sign: sign.into(), ..side(i) };
         // what has just ceased to last is in balance: where it goes on to is told by a small push
         let mut led = Vec::new();
-        for own in passed {
+        for own in before.1 {
             match own {
                 Own::Slip(i, sign) if !decided[*i] => {
                     let from = toward(*i, *sign);
-                    led.push((*i, after.force_for(from, PUSH * after.strongest(from))));
-                    frees(&mut acts, from)?;
+                    led.push((*i, after.force_for(from, PERTURBATION * after.strongest(from))));
+                    frees(&mut states, from)?;
                 }
-                Own::Press(stop) => frees(&mut acts, self.stops[*stop].side)?,
+                Own::Press(stop) => frees(&mut states, self.stops[*stop].side)?,
                 Own::Slip(..) => {}
             }
         }
@@ -211,10 +195,10 @@ impl Maker {
         let mut turning = vec![false; count];
         for _ in 0..MOST_FLIPS {
             let mut held = rows.to_vec();
-            let mut now = acts.clone();
+            let mut now = states.clone();
             for i in 0..count {
                 let row = side(i).row;
-                match acts[i] {
+                match states[i] {
                     StickSlip::Sticks if after.follows(row, &held) => now[i] = StickSlip::Rests(0),
                     StickSlip::Sticks => held.push(row),
                     StickSlip::Slips(_) | StickSlip::Rests(_) => {}
@@ -225,8 +209,8 @@ impl Maker {
                     now[i] = StickSlip::Rests(sign);
                 }
             }
-            let force = |(i, acts): (usize, &StickSlip)| {
-                let [slips, rests] = acts.signs();
+            let force = |(i, state): (usize, &StickSlip)| {
+                let [slips, rests] = state.signs();
                 (side(i).row, -(slips * levels[i][0] + rests * levels[i][1]))
             };
             let mut applied: Vec<(usize, f64)> = now.iter().enumerate().map(force).collect();
@@ -256,9 +240,9 @@ impl Maker {
             };
             if let Some((i, to)) = flip {
                 turning[i] |= matches!(now[i], StickSlip::Rests(_));
-                acts[i] = to;
+                states[i] = to;
                 if let StickSlip::Slips(sign) = to {
-                    frees(&mut acts, toward(i, sign))?;
+                    frees(&mut states, toward(i, sign))?;
                 }
                 continue;
             }
@@ -269,7 +253,7 @@ impl Maker {
             let mut stops = false;
             for i in (0..count).filter(|&i| !decided[i] && !turning[i]) {
                 if let (StickSlip::Slips(sign), true) = (now[i], after.follows(side(i).row, &stopped)) {
-                    (acts[i], stops) = (StickSlip::Rests(sign), true);
+                    (states[i], stops) = (StickSlip::Rests(sign), true);
                 }
             }
             if stops {
@@ -284,6 +268,38 @@ impl Maker {
              motion so far that none of the combinations holds; make them more alike",
             names.join(", ")
         )))
+    }
+
+    /// How the frictions act as far as the rates and the held rows alone say, and which of these are decided.
+    fn expected(
+        &self,
+        (after, still): (&Impact, &[bool]),
+        (rows, resting): (&[usize], &[OneSided]),
+        (before, passed): (&[StickSlip], &[Own]),
+    ) -> Result<(Vec<StickSlip>, Vec<bool>), AnalysisError> {
+        let bare = after.accelerations(rows, resting, &[])?;
+        let state = |i: usize| {
+            let side = self.frictions[i].side();
+            let growth = after.growth(side, &bare.v);
+            let bound = after.follows(side.row, rows);
+            let set_off = bound && growth.abs() > tolerance::EQUAL * after.strongest(side);
+            let led = passed.iter().find_map(|x| match x {
+                Own::Slip(k, sign) if *k == i => Some(*sign),
+                _ => None,
+            });
+            match (still[i], set_off, led) {
+                (false, ..) => (StickSlip::Slips(sense(after.rate(side))), true),
+                (_, true, _) => (StickSlip::Slips(sense(growth)), true),
+                (.., Some(sign)) => (StickSlip::Slips(sign), bound),
+                _ if bound => (StickSlip::Rests(0), true),
+                _ => match before[i] {
+                    // as large as it can be, which it may be still
+                    StickSlip::Rests(sign) if sign != 0 => (StickSlip::Slips(sign), false),
+                    _ => (StickSlip::Sticks, false),
+                },
+            }
+        };
+        Ok((0..self.frictions.len()).map(state).unzip())
     }
 
     /// A friction that cannot stick, as what it holds together with others would then move into a stop; and how it slips.
@@ -304,7 +320,7 @@ impl Maker {
                 let side = friction.side();
                 let growth = after.growth(side, &after.accelerations(&others, resting, applied)?.v);
                 if growth.abs() > tolerance::EQUAL * after.strongest(side) {
-                    return Ok(Some((i, StickSlip::Slips(if growth > 0.0 { 1 } else { -1 }))));
+                    return Ok(Some((i, StickSlip::Slips(sense(growth)))));
                 }
             }
         }

@@ -5,7 +5,7 @@
 
 use super::maker::Maker;
 use super::mode::Mode;
-use super::{Happening, Plan, Segment, Segments, Standing};
+use super::{Happening, Plan, RunState, Segment, Segments};
 use crate::error::AnalysisError;
 use crate::run::{Request, Run, SolutionLog, Stepping};
 use partita_integrate::simulate::{Observe, Outcome, Status};
@@ -51,7 +51,7 @@ pub struct Ticks {
     origin: f64,
     count: u64,
     /// Where the motion in this mode began.
-    standing: Standing,
+    state: RunState,
     stepping: Stepping<'static>,
     /// Ticks and segments before, and what happened in them, where these are recorded.
     stints: Vec<Stint>,
@@ -62,19 +62,19 @@ pub struct Ticks {
 
 /// What steps the mode in which a motion stands.
 fn stepping(
-    standing: &mut Standing,
+    state: &mut RunState,
     request: &Request,
     (length, steps): (f64, u32),
     keeps: bool,
     (origin, count): (f64, u64),
 ) -> Result<Stepping<'static>, AnalysisError> {
-    let whole = standing.maker.whole(&standing.mode.whole)?;
-    let (model, _) = standing.maker.model(&standing.mode)?;
-    let now = &standing.now;
+    let whole = state.maker.whole(&state.mode.whole)?;
+    let (model, _) = state.maker.model(&state.mode)?;
+    let now = &state.now;
     let start = (now.t, &now.q[..], &now.v[..]);
     let mut stepping = Stepping::new(model.clone().into(), request, (length, steps), start, keeps)?;
     stepping.count_from(origin, count);
-    let Observe { mut events, functions, most } = standing.maker.observe(&standing.mode, &whole, &model);
+    let Observe { mut events, functions, most } = state.maker.observe(&state.mode, &whole, &model);
     // a tick goes on to its end
     events.iter_mut().for_each(|event| event.last = None);
     stepping.observe_once(Observe { events, functions, most });
@@ -97,10 +97,10 @@ impl Ticks {
         let plan = Arc::new(plan);
         let step = Some(length / f64::from(steps));
         let request = Request { t0: t, t_end: t + length, step, step_bytes: 0, ..request.clone() };
-        let mut standing = Standing::new(plan.clone(), functions()?, &request, (q, v))?;
-        let stepping = stepping(&mut standing, &request, (length, steps), keeps, (t, 0))?;
+        let mut state = RunState::new(plan.clone(), functions()?, &request, (q, v))?;
+        let stepping = stepping(&mut state, &request, (length, steps), keeps, (t, 0))?;
         let (stints, occurred) = (Vec::new(), Vec::new());
-        let happened = mem::take(&mut standing.maker.happenings);
+        let happened = mem::take(&mut state.maker.happenings);
         let (origin, count) = (t, 0);
         let adapts = !tableau::by_name(&request.method).is_some_and(|x| matches!(x.error, ErrorWeights::None));
         Ok(Self {
@@ -113,7 +113,7 @@ impl Ticks {
             adapts,
             origin,
             count,
-            standing,
+            state,
             stepping,
             stints,
             happened,
@@ -129,13 +129,13 @@ impl Ticks {
         let request = Request { t0: t, t_end: t + self.length, ..self.request.clone() };
         let ticks = (self.length, self.steps);
         let begun = (self.functions)().and_then(|functions| {
-            let mut standing = Standing::new(self.plan.clone(), functions, &request, (q, v))?;
-            let stepping = stepping(&mut standing, &request, ticks, self.keeps, (t, 0))?;
-            Ok((standing, stepping))
+            let mut state = RunState::new(self.plan.clone(), functions, &request, (q, v))?;
+            let stepping = stepping(&mut state, &request, ticks, self.keeps, (t, 0))?;
+            Ok((state, stepping))
         });
-        let (mut standing, stepping) = begun.inspect_err(|_| undo())?;
-        self.happened = mem::take(&mut standing.maker.happenings);
-        (self.standing, self.stepping) = (standing, stepping);
+        let (mut state, stepping) = begun.inspect_err(|_| undo())?;
+        self.happened = mem::take(&mut state.maker.happenings);
+        (self.state, self.stepping) = (state, stepping);
         (self.origin, self.count) = (t, 0);
         self.stints.clear();
         self.occurred.clear();
@@ -160,7 +160,7 @@ impl Ticks {
             return self.in_segments(before, work);
         }
         self.count += 1;
-        let maker = &mut self.standing.maker;
+        let maker = &mut self.state.maker;
         maker.note(self.stepping.occurred());
         self.occurred.clear();
         self.occurred.append(&mut maker.happenings);
@@ -184,13 +184,13 @@ impl Ticks {
             atol: TICK_ATOL,
             ..self.request.clone()
         };
-        let standing = &mut self.standing;
-        let saved = (standing.mode.clone(), standing.now.clone(), standing.work, standing.exchanged);
-        let counts = standing.maker.count.clone();
-        standing.now = before.clone();
-        standing.work += work;
-        standing.at_once = 0;
-        let done = standing.go_on(&request, &[t], &mut |_| ControlFlow::Continue(())).and_then(|all| {
+        let state = &mut self.state;
+        let saved = (state.mode.clone(), state.now.clone(), state.work, state.exchanged);
+        let counts = state.maker.count.clone();
+        state.now = before.clone();
+        state.work += work;
+        state.at_once = 0;
+        let done = state.go_on(&request, &[t], &mut |_| ControlFlow::Continue(())).and_then(|all| {
             let outcome = all.last().map(|x| &x.1.run.outcome);
             match outcome.filter(|x| !matches!(x.status, Status::Finished | Status::Event)) {
                 None => Ok(all),
@@ -202,16 +202,16 @@ impl Ticks {
         });
         let ticks = (self.length, self.steps);
         let next = done.and_then(|all| {
-            let next = stepping(&mut self.standing, &self.request, ticks, self.keeps, (self.origin, self.count + 1))?;
+            let next = stepping(&mut self.state, &self.request, ticks, self.keeps, (self.origin, self.count + 1))?;
             Ok((all, next))
         });
         let (all, next) = match next {
             Ok(found) => found,
             Err(error) => {
-                let standing = &mut self.standing;
-                (standing.mode, standing.now, standing.work, standing.exchanged) = saved;
-                standing.maker.count = counts;
-                standing.maker.happenings.clear();
+                let state = &mut self.state;
+                (state.mode, state.now, state.work, state.exchanged) = saved;
+                state.maker.count = counts;
+                state.maker.happenings.clear();
                 self.stepping.go_back(before)?;
                 return Err(error);
             }
@@ -223,7 +223,7 @@ impl Ticks {
         }
         self.count += 1;
         self.occurred.clear();
-        self.occurred.append(&mut self.standing.maker.happenings);
+        self.occurred.append(&mut self.state.maker.happenings);
         self.record();
         Ok(())
     }
@@ -260,8 +260,7 @@ impl Ticks {
             Some(model) => Arc::new(self.plan.of(model)),
         };
         let (mut maker, _) = Maker::new(plan, (self.functions)()?, (self.request.t0, self.request.t_end))?;
-        let now =
-            Stint { mode: self.standing.mode.clone(), run: worked(self.stepping.reported(here), self.standing.work) };
+        let now = Stint { mode: self.state.mode.clone(), run: worked(self.stepping.reported(here), self.state.work) };
         let before: &[Stint] = if here { &[] } else { &self.stints };
         let mut all = Vec::with_capacity(before.len() + 1);
         let mut ends = f64::NEG_INFINITY;

@@ -17,18 +17,18 @@ pub struct SetValued<S> {
     /// Magnitude of friction while it slips, and while it sticks, if it differs; none: no friction.
     levels: Vec<Source<S>>,
     /// The signs of the motion that friction resists by the force of each; 0: it has none.
-    acts: [S; 2],
+    signs: [S; 2],
 }
 
 impl<S: Scalar> SetValued<S> {
     pub(super) fn friction(x: &spec::Friction, n: &Fields<S>) -> Self {
         let mut levels = vec![Source::new(&x.dynamic, n.field("dynamic").first())];
         levels.extend(x.held.as_ref().map(|v| Source::new(v, n.field("static").first())));
-        Self { levels, acts: x.acts.map(S::from_f64) }
+        Self { levels, signs: x.signs.map(S::from_f64) }
     }
 
     pub(super) fn constraint() -> Self {
-        Self { levels: Vec::new(), acts: [S::zero(); 2] }
+        Self { levels: Vec::new(), signs: [S::zero(); 2] }
     }
 
     /// Magnitudes of friction while it slips and while it sticks; none of another law.
@@ -50,7 +50,7 @@ impl<S: Scalar> ScalarLaw<S> for SetValued<S> {
     fn respond(&self, asked: &EffortArguments<S>, plain: &mut Vec<f64>) -> Result<Response<S>, SystemError> {
         let none = Response { effort: S::zero(), potential: S::zero(), power: S::zero() };
         let Some([slips, sticks]) = self.levels(asked.instant, asked.name, plain)? else { return Ok(none) };
-        let effort = -(slips * self.acts[0] + sticks * self.acts[1]);
+        let effort = -(slips * self.signs[0] + sticks * self.signs[1]);
         Ok(Response { effort, power: effort * asked.rate, ..none })
     }
     fn depends_on_value(&self) -> bool {
