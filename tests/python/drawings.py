@@ -83,6 +83,19 @@ def slider_crank(crank: float = 0.1, rod: float = 0.3, gravity: float = G, rod_m
     return m
 
 
+def drawn_out(flywheel: float = 0.0, gravity: float = G) -> pt.Mechanism:
+    """Crank 0.08 m with a flywheel [kg m^2], rod 0.25 m, slider 0.8 kg, drawn out; gravity along -y."""
+    m = pt.Mechanism("slider-crank", gravity=(0, -gravity, 0))
+    crank = m.add_body("crank", mass=0.5, com=(0.02, 0, 0), inertia=(0.2, 0.2, 0.0012 + flywheel))
+    rod = m.add_body("rod", mass=0.6, com=(0.08, 0, 0), inertia=(2e-3, 2e-3, 0.0035), position=(0.08, 0, 0))
+    slider = m.add_body("slider", mass=0.8, inertia=(1e-3, 1e-3, 1e-3), position=(0.33, 0, 0))
+    m.add_revolute("O", m.ground, crank, point=(0, 0, 0))
+    m.add_revolute("P", crank, rod, point=(0.08, 0, 0))
+    m.add_revolute("W", rod, slider, point=(0.33, 0, 0))
+    m.add_prismatic("S", m.ground, slider, point=(0.33, 0, 0), axis=(1, 0, 0))
+    return m
+
+
 def stroke(angle: Array, crank: float = 0.1, rod: float = 0.3) -> Array:
     """Where the slider is."""
     return crank * np.cos(angle) + np.sqrt(rod**2 - (crank * np.sin(angle)) ** 2)

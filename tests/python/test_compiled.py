@@ -234,7 +234,7 @@ print(*run.notes)
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux lets a process forbid itself executable memory")
+@pytest.mark.skipif(sys.platform != "linux", reason="the test forbids executable memory by a call of Linux")
 def test_where_executable_memory_is_forbidden_the_run_says_so() -> None:
     found = subprocess.run([sys.executable, "-c", FORBIDDEN], capture_output=True, text=True)
     if found.returncode == 3:

@@ -137,7 +137,7 @@ def test_every_field_of_a_tuple_has_words_of_its_own() -> None:
 
 def test_quantities_stay_together_and_paths_may_go_on_below() -> None:
     """In cells of tables; names that an entry of a docstring has together stand side by side everywhere."""
-    nodes = pytest.importorskip("docutils.nodes")
+    nodes = pytest.importorskip("docutils.nodes", reason="docutils is pinned for `make docs` alone")
     words, path, names = nodes.Text("5 ms for N = 40"), nodes.Text("a/b/c.rs"), nodes.Text(f"A,{docstrings.SPACE}B")
     dash = nodes.Text(" -- ")
     cell = nodes.entry("", nodes.paragraph("", "", words, nodes.literal("", "", path)))

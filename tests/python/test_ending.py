@@ -89,7 +89,7 @@ def test_a_run_at_exit_is_computed() -> None:
     assert (found.returncode, found.stdout, found.stderr) == (0, "True\n", "")
 
 
-@pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="no fork here")
+@pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="this system has no fork")
 def test_a_forked_process_ends_at_once() -> None:
     """Threads of its parent are not in it, and nobody waits for them."""
     found = ended("""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawings import GENERAL, four_bar
+from drawings import GENERAL, drawn_out, four_bar
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -651,15 +651,8 @@ def test_decisions_that_cannot_be_end_a_run_with_the_name_of_the_event() -> None
 
 
 def press() -> pt.Mechanism:
-    """Crank 0.08 m with a flywheel, rod 0.25 m, slider 0.8 kg, from the outer dead centre, without gravity."""
-    m = pt.Mechanism("press", gravity=None)
-    crank = m.add_body("crank", mass=0.5, com=(0.02, 0, 0), inertia=(0.2, 0.2, 0.3512))
-    rod = m.add_body("rod", mass=0.6, com=(0.08, 0, 0), inertia=(2e-3, 2e-3, 0.0035), position=(0.08, 0, 0))
-    slider = m.add_body("slider", mass=0.8, inertia=(1e-3, 1e-3, 1e-3), position=(0.33, 0, 0))
-    m.add_revolute("O", m.ground, crank, point=(0, 0, 0))
-    m.add_revolute("P", crank, rod, point=(0.08, 0, 0))
-    m.add_revolute("W", rod, slider, point=(0.33, 0, 0))
-    m.add_prismatic("S", m.ground, slider, point=(0.33, 0, 0), axis=(1, 0, 0))
+    """A slider crank with a flywheel, without gravity, whose slider pushes against a sheet."""
+    m = drawn_out(flywheel=0.35, gravity=0.0)
     m.add_force("slider", (0.0, 0.0, 0.0), (0, 0, 0), name="sheet")
     return m
 

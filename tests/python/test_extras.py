@@ -34,7 +34,7 @@ def required(names: list[str], extras: frozenset[str], found: dict[str, float]) 
     return found
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="packages have other sizes elsewhere")
+@pytest.mark.skipif(sys.platform != "linux", reason="the table states the sizes of packages for Linux")
 def test_the_table_of_sizes_is_that_of_what_is_installed() -> None:
     page = (ROOT / "docs" / "dependencies.md").read_text("utf-8")
     lines = re.findall(r"^\| usual .*\n\|.*\n\|.*$", page, re.MULTILINE)[0].split("\n")

@@ -222,7 +222,7 @@ OUTSIDE = (
 )  # fmt: skip
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="links and pipes need POSIX")
+@pytest.mark.skipif(sys.platform == "win32", reason="named pipes, and links without a privilege, need POSIX")
 def test_no_path_leads_out_of_the_folder(ask: Ask, root: Path) -> None:
     for name in OUTSIDE:
         error = local(root, "describe", file=name)
@@ -309,7 +309,10 @@ def test_a_long_call_is_stopped_and_the_next_one_served(tmp_path: Path) -> None:
         assert found(ask("describe", **FOUR_BAR))["mobility"] == 1
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is bounded reliably on Linux only")
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"),
+    reason="only Linux enforces a limit of memory",
+)
 def test_a_call_beyond_its_memory_is_stopped(tmp_path: Path) -> None:
     with server(tmp_path, "--memory", str(LEAST)) as ask:
         assert found(ask("draw", **FOUR_BAR))["closes"]
