@@ -18,7 +18,7 @@ use partita_model::Model;
 use partita_system::clusters::Clusters;
 use partita_system::start::Start;
 use partita_system::system::structure::{Row, Velocity};
-use partita_system::system::{Guards, Levels, Manifold, Methods, Metric, Structure, Tangent};
+use partita_system::system::{Guards, Levels, Manifold, Methods, Metric, Structure, Tangent, Varied};
 use partita_system::{Size, SystemError};
 
 /// Least size of a loop. Unit: size of the mechanism. Reason: a loop that shrinks to a point still has a size to
@@ -330,3 +330,5 @@ impl Manifold for Geometry<'_> {
 impl Guards for Geometry<'_> {}
 
 impl Methods for Geometry<'_> {}
+
+impl Varied for Geometry<'_> {}

@@ -2,6 +2,7 @@
 
 use crate::ode::{Ode, RhsError};
 use partita_system::formulation::{Depth, Formulation};
+use partita_system::linear_rates::LinearRates;
 use partita_system::SystemError;
 
 /// What is done after an evaluation at a time; returns what has to be known after the next one.
@@ -41,6 +42,15 @@ impl Ode for Adapter<'_> {
             self.depth = after(t, self.formulation);
         }
         Ok(())
+    }
+    fn linear_rates(
+        &mut self,
+        t: f64,
+        (y, _): (&[f64], &[f64]),
+        _sizes: &[f64],
+        out: &mut LinearRates,
+    ) -> Result<(), RhsError<SystemError>> {
+        self.formulation.linear_rates(t, y, out).map_err(sorted)
     }
 }
 

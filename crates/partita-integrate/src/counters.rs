@@ -19,6 +19,13 @@ pub struct Counters {
     pub evaluations: u64,
     /// Calls of the right-hand side made only for dense output; not contained in `evaluations`.
     pub dense_evaluations: u64,
+    /// Linearisations of the rates, of implicit methods; their evaluations are not contained in `evaluations`, unless they
+    /// are differences of the rates.
+    pub jacobians: u64,
+    /// Of these, those that are differences.
+    pub differenced: u64,
+    /// Matrices of Newton's method that were factored.
+    pub factored: u64,
 }
 
 impl std::ops::Add for Counters {
@@ -33,6 +40,9 @@ impl std::ops::Add for Counters {
             by_rounding: self.by_rounding + other.by_rounding,
             evaluations: self.evaluations + other.evaluations,
             dense_evaluations: self.dense_evaluations + other.dense_evaluations,
+            jacobians: self.jacobians + other.jacobians,
+            differenced: self.differenced + other.differenced,
+            factored: self.factored + other.factored,
         }
     }
 }

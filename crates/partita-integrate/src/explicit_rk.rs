@@ -3,12 +3,10 @@
 //! All memory is allocated in [`ExplicitRungeKutta::new`]; nothing is allocated afterwards.
 
 mod access;
-mod fixed_grid;
 mod memory;
 pub(crate) mod method;
 mod obstacles;
 
-use self::fixed_grid::FixedGrid;
 use self::memory::Memory;
 use self::method::{prepared, Method};
 use crate::combination::{first_not_finite, padded};
@@ -17,20 +15,14 @@ use crate::dense_output::{DenseOutput, Known};
 use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
+use crate::placement::Placement;
 use crate::rounding::{SlopeRounding, PAIRS, SIDES};
-use crate::step_size::{controller, ErrorNorm, StepController};
+use crate::step_size::{controller, ErrorNorm, StepController, FIRST_ROUNDINGS};
 use crate::stepper::{Conclusion, StepEnd, Stepper};
 use crate::tableau::{ErrorWeights, Tableau};
 use partita_math::tolerance;
 use std::borrow::Cow;
 use std::fmt::Display;
-
-/// Lower bound of |t| for the round-off of the time. Unit: fraction of the run. Reason: near t = 0 the time itself has
-/// no size.
-const NEAR_ZERO_TIME: f64 = 1e-6;
-/// The first step is at least this long. Scale: multiples of ten roundings of the time. Reason: over it the rounding of
-/// the time changes a slope by less than the motion does.
-const FIRST_ROUNDINGS: f64 = 1e3;
 
 /// Position in the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,18 +46,7 @@ pub struct ExplicitRungeKutta {
     /// Slopes of earlier steps, where the method uses them.
     memory: Option<Memory>,
     // the state: all vectors padded with zeros to `stride`
-    t_old: f64,
-    t_new: f64,
-    t_end: f64,
-    /// Length of the run.
-    span: f64,
-    /// Where the next step is to end at the latest.
-    goal: Option<f64>,
-    /// A step of a fixed grid ends here instead of at the next point.
-    before_grid: Option<f64>,
-    /// Whether the slopes have a corner at `goal`, and at `t_old`.
-    corner_ahead: bool,
-    corner_behind: bool,
+    at: Placement,
     /// When the slope at the start was evaluated: before a jump, if a step ended there.
     sloped_at: f64,
     y_old: Vec<f64>,
@@ -74,12 +55,6 @@ pub struct ExplicitRungeKutta {
     /// Slopes, slot by slot; slot 0 is the slope at `y_old`, the tableau's end slot that at `y_new`.
     stages: Vec<f64>,
     phase: Phase,
-    // the step
-    step: f64,
-    direction: f64,
-    shortest: f64,
-    grid: Option<FixedGrid>,
-    attempted_h: f64,
     error: f64,
     norm: ErrorNorm,
     rounding: SlopeRounding,
@@ -127,25 +102,13 @@ impl ExplicitRungeKutta {
         Ok(Self {
             method,
             memory: remembers.then(Memory::new),
-            t_old: 0.0,
-            t_new: 0.0,
-            t_end: 0.0,
-            span: 0.0,
-            goal: None,
-            before_grid: None,
-            corner_ahead: false,
-            corner_behind: false,
+            at: Placement::new(),
             sloped_at: 0.0,
             y_old: vector(),
             y_new: vector(),
             y_stage: vector(),
             stages: vec![0.0; if remembers { memory::SLOTS } else { tableau.slots() } * stride],
             phase: Phase::Ready,
-            step: 0.0,
-            direction: 1.0,
-            shortest: 0.0,
-            grid: None,
-            attempted_h: 0.0,
             error: 0.0,
             // a method that raises its order until the motion is exact leaves the error to what varies faster
             norm: ErrorNorm::new(&options, options.observed.filter(|_| remembers), dim, stride),
@@ -161,32 +124,22 @@ impl ExplicitRungeKutta {
         })
     }
 
-    /// Continue to another end. A fixed grid begins anew at `t_old`.
-    fn set_t_end(&mut self, t_end: f64) {
-        let span = t_end - self.t_old;
-        self.t_end = t_end;
-        self.span = span.abs();
-        self.direction = if span < 0.0 { -1.0 } else { 1.0 };
-        self.shortest = tolerance::TEN_ROUNDINGS * (NEAR_ZERO_TIME * span.abs());
-        self.grid = self.options.fixed_step.map(|h| FixedGrid::new(h, self.t_old, t_end));
-    }
-
     /// First step by the rule of Hairer, Norsett and Wanner, from two slopes.
     fn first_step<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<f64, StepFailure<E>> {
-        let longest = self.options.max_step.min((self.t_end - self.t_old).abs());
-        let least = FIRST_ROUNDINGS * tolerance::TEN_ROUNDINGS * self.t_old.abs();
+        let longest = self.options.max_step.min((self.at.t_end - self.at.t_old).abs());
+        let least = FIRST_ROUNDINGS * tolerance::TEN_ROUNDINGS * self.at.t_old.abs();
         let n = self.stride;
         let guess = self.norm.first_guess(&self.y_old, &self.stages[..n]).max(least).min(longest);
         if guess == 0.0 {
             return Ok(longest);
         }
-        let h = guess * self.direction;
+        let h = guess * self.at.direction;
         for i in 0..n {
             self.y_stage[i] = self.y_old[i] + h * self.stages[i];
         }
         self.counters.evaluations += 1;
         let (f0, rest) = self.stages.split_at_mut(n);
-        let t = self.t_old + h;
+        let t = self.at.t_old + h;
         match ode.rhs(t, &self.y_stage[..self.dim], &mut rest[..self.dim]) {
             Ok(()) => {}
             // not evaluable even there: begin with the short guess, which the first attempts will adapt
@@ -197,30 +150,6 @@ impl ExplicitRungeKutta {
         Ok(if better.is_finite() { better.max(least).min(longest) } else { guess })
     }
 
-    /// Signed step and its end: `t_end`, the next grid point or the goal if within reach, so that they are met exactly.
-    fn plan(&self) -> (f64, f64) {
-        let first = |a: f64, b: f64| if (b - a) * self.direction < 0.0 { b } else { a };
-        let ahead = || self.goal.into_iter().fold(self.t_end, first);
-        let on_grid = |grid: &FixedGrid| self.before_grid.unwrap_or(grid.goal());
-        let goal = self.grid.as_ref().map_or_else(ahead, on_grid);
-        let rest = goal - self.t_old;
-        if rest.abs() <= tolerance::TO_THE_END * self.step {
-            return (rest, goal);
-        }
-        // the step goes to its end as rounded: over many steps those roundings would add up
-        let t_new = self.t_old + self.step * self.direction;
-        (t_new - self.t_old, t_new)
-    }
-
-    /// Where a step to t_new is evaluated at its end: where its slopes may jump, before that.
-    fn before_jumps(&self, t_new: f64, h: f64) -> f64 {
-        let jumps = self.goal == Some(t_new) && !self.corner_ahead;
-        match self.grid.is_none() && jumps {
-            true => t_new - self.direction * f64::EPSILON * t_new.abs().max(h.abs()),
-            false => t_new,
-        }
-    }
-
     /// All stages of a step and its end. An error comes with its time.
     fn stages<E: Display>(
         &mut self,
@@ -229,14 +158,14 @@ impl ExplicitRungeKutta {
         t_new: f64,
     ) -> Result<(), (f64, RhsError<E>)> {
         let (n, dim, c) = (self.stride, self.dim, self.tableau.c);
-        let t_new = self.before_jumps(t_new, h);
+        let t_new = self.at.before_jumps(t_new, h);
         if let Some(memory) = &mut self.memory {
-            memory.prepare(self.t_old, h, self.method.to_mut());
+            memory.prepare(self.at.t_old, h, self.method.to_mut());
         }
         let inner = if self.tableau.fsal { self.tableau.stages - 1 } else { self.tableau.stages };
         for i in 1..inner {
             self.method.stages[i].advance(&self.stages, h, &self.y_old, &mut self.y_stage);
-            let t = if c[i] == 1.0 { t_new } else { self.t_old + c[i] * h };
+            let t = if c[i] == 1.0 { t_new } else { self.at.t_old + c[i] * h };
             self.counters.evaluations += 1;
             ode.rhs(t, &self.y_stage[..dim], &mut self.stages[i * n..i * n + dim]).map_err(|e| (t, e))?;
         }
@@ -257,7 +186,7 @@ impl ExplicitRungeKutta {
             for (side, weight) in SIDES {
                 SlopeRounding::move_beside(pair, side, &self.y_old, self.norm.sizes(), &mut self.y_stage[..dim]);
                 self.counters.evaluations += 1;
-                if ode.rhs(self.t_old, &self.y_stage[..dim], &mut self.rounding.beside[..dim]).is_err() {
+                if ode.rhs(self.at.t_old, &self.y_stage[..dim], &mut self.rounding.beside[..dim]).is_err() {
                     self.rounding.forget();
                     return;
                 }
@@ -285,11 +214,11 @@ impl ExplicitRungeKutta {
     }
 
     fn prepare_dense_output<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
-        let (h, dim) = (self.attempted_h, self.dim);
+        let (h, dim) = (self.at.attempted_h, self.dim);
         let missing = if self.dense.known == Known::Stages { self.dense.extra() } else { &[] };
         for stage in missing {
             stage.row.advance(&self.stages, h, &self.y_old, &mut self.y_stage);
-            let (t, begin) = (self.t_old + stage.node * h, stage.slot * self.stride);
+            let (t, begin) = (self.at.t_old + stage.node * h, stage.slot * self.stride);
             self.counters.dense_evaluations += 1;
             match ode.rhs(t, &self.y_stage[..dim], &mut self.stages[begin..begin + dim]) {
                 Ok(()) => {}
@@ -320,13 +249,13 @@ impl ExplicitRungeKutta {
 impl<E: Display> Stepper<E> for ExplicitRungeKutta {
     fn start(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, y: &[f64], t_end: f64) -> Result<(), StepFailure<E>> {
         assert_eq!(ode.dim(), self.dim, "the stepper was made for another dimension");
-        (self.t_old, self.t_new, self.sloped_at) = (t, t, t);
+        (self.at.t_old, self.at.t_new, self.sloped_at) = (t, t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.y_new[..self.dim].copy_from_slice(y);
         self.phase = Phase::Ready;
         self.dense.known = Known::Stages;
         self.controller.reset();
-        (self.corner_ahead, self.corner_behind) = (false, false);
+        (self.at.corner_ahead, self.at.corner_behind) = (false, false);
         self.forget();
         self.rounding.forget();
         if let Some(component) = first_not_finite(&self.y_old) {
@@ -340,8 +269,8 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         if let Some(component) = first_not_finite(&self.stages[..self.dim]) {
             return Err(StepFailure::NotFinite { t, component });
         }
-        self.set_t_end(t_end);
-        self.step = match (self.options.fixed_step, self.options.first_step) {
+        self.at.set_t_end(t_end, self.options.fixed_step);
+        self.at.step = match (self.options.fixed_step, self.options.first_step) {
             (Some(h), _) => h,
             (None, Some(h)) => h.min(self.options.max_step),
             (None, None) => self.first_step(ode)?,
@@ -354,20 +283,20 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         // the obstacle ahead, also where shorter steps end before it with too large an error
         let mut obstacle = None;
         loop {
-            let (h, t_new) = self.plan();
-            if t_new == self.t_old {
-                let h = self.step;
+            let (h, t_new) = self.at.plan();
+            if t_new == self.at.t_old {
+                let h = self.at.step;
                 return Err(StepFailure::TooSmall { t: t_new, h, last: obstacle });
             }
-            if self.sloped_at != self.t_old {
-                let (t, dim) = (self.t_old, self.dim);
+            if self.sloped_at != self.at.t_old {
+                let (t, dim) = (self.at.t_old, self.dim);
                 self.counters.evaluations += 1;
                 match ode.rhs(t, &self.y_old[..dim], &mut self.stages[..dim]) {
                     Ok(()) => self.sloped_at = t,
                     Err(RhsError::Retry(error) | RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
                 }
             }
-            if self.grid.is_none() && self.rounding.is_due() {
+            if self.at.grid.is_none() && self.rounding.is_due() {
                 self.measure_rounding(ode);
             }
             match self.stages(ode, h, t_new) {
@@ -375,49 +304,49 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
                 Err((_, RhsError::Retry(error))) => {
                     self.shorten_for_retry(h);
                     obstacle = Some(error);
-                    self.check_length(h, &mut obstacle)?;
+                    self.at.check_length(h, &mut obstacle)?;
                     continue;
                 }
                 Err((t, RhsError::Fatal(error))) => return Err(StepFailure::Rhs { t, error }),
             }
-            let (error, by_rounding) = match self.grid {
+            let (error, by_rounding) = match self.at.grid {
                 Some(_) => (0.0, false),
                 None => {
-                    let at_a_corner = self.corner_behind || (self.corner_ahead && self.goal == Some(t_new));
+                    let at_a_corner = self.at.has_corner(t_new);
                     self.judged(h, at_a_corner)
                 }
             };
             if let Some(component) = self.not_finite(error) {
                 self.shorten_not_finite(h);
-                self.check_finite(h, component)?;
+                self.at.check_finite(h, component)?;
                 continue;
             }
             if error <= 1.0 {
-                self.t_new = t_new;
-                self.attempted_h = h;
+                self.at.t_new = t_new;
+                self.at.attempted_h = h;
                 (self.error, self.by_rounding) = (error, by_rounding);
                 self.dense.known = Known::Stages;
                 self.phase = Phase::Attempted;
                 return Ok(());
             }
             self.counters.rejected += 1;
-            if self.rounding.suspected(self.t_old, h, error) {
+            if self.rounding.suspected(self.at.t_old, h, error) {
                 // the next attempt is judged by what is measured
                 self.measure_rounding(ode);
             }
-            self.step = h.abs() * self.controller.rejected(error);
+            self.at.step = h.abs() * self.controller.rejected(error);
             if let Some(memory) = &mut self.memory {
                 memory.failed();
                 self.controller.set_order(memory.order());
             }
-            self.check_length(h, &mut obstacle)?;
+            self.at.check_length(h, &mut obstacle)?;
         }
     }
 
     fn conclude(&mut self, end: StepEnd<'_, E>) -> Result<Conclusion, StepFailure<E>> {
         assert_eq!(self.phase, Phase::Attempted, "attempt a step first");
-        let (h, dim) = (self.attempted_h, self.dim);
-        let t = self.before_jumps(self.t_new, h);
+        let (h, dim) = (self.at.attempted_h, self.dim);
+        let t = self.at.before_jumps(self.at.t_new, h);
         let begin = self.tableau.end_slot() * self.stride;
         let slope = &mut self.stages[begin..begin + dim];
         match end(t, &mut self.y_new[..dim], slope, self.tableau.fsal) {
@@ -426,7 +355,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
                 self.counters.evaluations += 1;
                 self.phase = Phase::Ready;
                 self.shorten_for_retry(h);
-                self.check_length(h, &mut Some(error))?;
+                self.at.check_length(h, &mut Some(error))?;
                 return Ok(Conclusion::Rejected);
             }
             Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
@@ -435,7 +364,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         if let Some(component) = spoilt {
             self.phase = Phase::Ready;
             self.shorten_not_finite(h);
-            self.check_finite(h, component)?;
+            self.at.check_finite(h, component)?;
             return Ok(Conclusion::Rejected);
         }
         self.phase = Phase::Concluded;
@@ -444,7 +373,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
 
     fn interpolate(&mut self, ode: &mut dyn Ode<Error = E>, t: f64, out: &mut [f64]) -> Result<(), StepFailure<E>> {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
-        if t == self.t_new {
+        if t == self.at.t_new {
             out.copy_from_slice(&self.y_new[..self.dim]);
             return Ok(());
         }
@@ -452,7 +381,7 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
             self.prepare_dense_output(ode)?;
         }
         let out = &mut out[..self.dim];
-        self.dense.evaluate((t - self.t_old) / self.attempted_h, &self.y_old, out);
+        self.dense.evaluate((t - self.at.t_old) / self.at.attempted_h, &self.y_old, out);
         Ok(())
     }
 }

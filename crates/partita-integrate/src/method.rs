@@ -1,6 +1,7 @@
 //! Methods of integration, by name.
 
 use crate::explicit_rk::ExplicitRungeKutta;
+use crate::implicit_rk::Radau;
 use crate::options::{Options, OptionsError};
 use crate::stepper::Stepper;
 use crate::tableau::{self, Tableau};
@@ -49,10 +50,27 @@ impl Method for Adams {
     }
 }
 
+/// Radau IIA of order five, for stiff forces.
+#[derive(Debug)]
+pub struct RadauIIA;
+
+/// The one of its kind.
+pub static RADAU: RadauIIA = RadauIIA;
+
+impl Method for RadauIIA {
+    fn name(&self) -> &'static str {
+        Radau::NAME
+    }
+
+    fn stepper(&'static self, dim: usize, options: Options) -> Result<Box<dyn Stepper<SystemError>>, OptionsError> {
+        Ok(Box::new(Radau::new(dim, options)?))
+    }
+}
+
 /// Every method, the recommended one first.
 pub fn all() -> impl Iterator<Item = &'static dyn Method> {
     let tables = tableau::METHODS.into_iter().map(|tableau| tableau as &dyn Method);
-    tables.chain([&ADAMS as &dyn Method])
+    tables.chain([&ADAMS as &dyn Method, &RADAU as &dyn Method])
 }
 
 /// The method called `name`, if there is one.

@@ -1,5 +1,7 @@
 //! The contract between an equation and the stepper.
 
+use partita_system::linear_rates::LinearRates;
+
 /// Why a right-hand side could not be evaluated.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RhsError<E> {
@@ -26,4 +28,19 @@ pub trait Ode {
     /// # Errors
     /// [`RhsError::Retry`] where a shorter step may avoid the point, [`RhsError::Fatal`] otherwise.
     fn rhs(&mut self, t: f64, y: &[f64], dy: &mut [f64]) -> Result<(), RhsError<Self::Error>>;
+
+    /// The rates at (t, y), where they are `dy`, changed to first order; `sizes` are those of the components. By differences
+    /// unless the equation can do better.
+    ///
+    /// # Errors
+    /// As [`rhs`](Ode::rhs).
+    fn linear_rates(
+        &mut self,
+        t: f64,
+        (y, dy): (&[f64], &[f64]),
+        sizes: &[f64],
+        out: &mut LinearRates,
+    ) -> Result<(), RhsError<Self::Error>> {
+        out.by_differences((y.len(), |i| sizes[i]), (y, dy), &mut |y, dy| self.rhs(t, y, dy))
+    }
 }

@@ -29,6 +29,10 @@ pub const LARGEST_FACTOR: f64 = 6.0;
 /// one.
 const SMALLEST_REMEMBERED_ERROR: f64 = 1e-4;
 
+/// The first step is at least this long. Scale: multiples of ten roundings of the time. Reason: over it the rounding of
+/// the time changes a slope by less than the motion does.
+pub(crate) const FIRST_ROUNDINGS: f64 = 1e3;
+
 /// Proportional–integral control of the step, after Gustafsson, with the constants of Hairer and Wanner.
 ///
 /// With `err` the error of this step and `err_old` that of the step before, both relative to the tolerance, the next

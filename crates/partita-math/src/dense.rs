@@ -8,6 +8,7 @@
 use crate::scalar::Scalar;
 
 mod cholesky;
+mod complex;
 mod ldlt;
 mod lu;
 mod matrix;
@@ -16,6 +17,7 @@ pub use cholesky::{
     cholesky, cholesky_backward, cholesky_forward, cholesky_solve, cholesky_straight, inverse_from_cholesky,
     pivoted_cholesky, NotPositiveDefinite,
 };
+pub use complex::{lu_complex, lu_complex_solve, Complex};
 pub use ldlt::{ldlt, ldlt_solve, ldlt_straight};
 pub use lu::{lu, lu_determinant, lu_in_order, lu_pivot_ratio, lu_solve, lu_solve_many, lu_solve_transposed, Singular};
 pub use matrix::Matrix;

@@ -270,9 +270,9 @@ impl<E: Equations> Metric for UserSystem<E> {
 
 impl<E: Equations> Manifold for UserSystem<E> {}
 
-impl<E: Equations> Varied for UserSystem<E> {}
-
 impl<E: Equations> Guards for UserSystem<E> {}
+
+impl<E: Equations> Varied for UserSystem<E> {}
 
 impl<E: Equations> Methods for UserSystem<E> {
     fn closing<'s>(

@@ -14,6 +14,7 @@ pub mod error;
 pub mod event;
 pub mod formulation;
 pub mod kinematics;
+pub mod linear_rates;
 pub mod manifold;
 pub mod messages;
 pub mod options;

@@ -104,9 +104,9 @@ impl<S> From<Arc<S>> for SystemRef<'_, S> {
 }
 
 /// S1-S5 of a mechanism or of a user-defined system: all traits together.
-pub trait ConstrainedSystem: Levels + Metric + Manifold + Guards + Methods {}
+pub trait ConstrainedSystem: Levels + Metric + Manifold + Guards + Methods + Varied {}
 
-impl<S> ConstrainedSystem for S where S: Levels + Metric + Manifold + Guards + Methods {}
+impl<S> ConstrainedSystem for S where S: Levels + Metric + Manifold + Guards + Methods + Varied {}
 
 /// The projection P3 through dense M and h, for systems without a better method.
 ///

@@ -4,7 +4,9 @@ use super::{Balance, Prepared, Request};
 use crate::error::AnalysisError;
 use partita_integrate::options::Options;
 use partita_integrate::simulate::{simulate, Settings, Status};
-use partita_system::formulation::{Depth, Formulation, Layout, Point, Purpose, Step, StepDecision, TrialEnd};
+use partita_system::formulation::{
+    Depth, Formulation, Layout, LinearRates, Point, Purpose, Step, StepDecision, TrialEnd,
+};
 use partita_system::options::TangentMap;
 use partita_system::record::{History, Output, PartitionEvent, Sample};
 use partita_system::SystemError;
@@ -57,6 +59,9 @@ impl Formulation for RecordingFormulation<'_> {
     fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64], depth: Depth) -> Result<(), SystemError> {
         self.asked.push((t, y.to_vec()));
         self.formulation.rates(t, y, dy, depth)
+    }
+    fn linear_rates(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<(), SystemError> {
+        self.formulation.linear_rates(t, y, out)
     }
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<TrialEnd, SystemError> {
         self.formulation.trial_end(t, y, dy, known)

@@ -5,20 +5,19 @@ use crate::combination::append;
 use crate::counters::Counters;
 use crate::dense_output::Known;
 use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
-use partita_math::tolerance;
 
 impl StepControl for ExplicitRungeKutta {
     fn current(&self) -> CurrentStep<'_> {
         CurrentStep {
-            t_old: self.t_old,
-            t_new: self.t_new,
-            t_end: self.t_end,
+            t_old: self.at.t_old,
+            t_new: self.at.t_new,
+            t_end: self.at.t_end,
             y_old: &self.y_old[..self.dim],
             dy_old: self.slot(0),
             y_new: &self.y_new[..self.dim],
             dy_new: self.slot(self.tableau.end_slot()),
-            next: self.step,
-            may_shrink: self.step > tolerance::SOLUTION_ROUNDING * self.t_new.abs().max(self.span),
+            next: self.at.step,
+            may_shrink: self.at.may_shrink(),
         }
     }
 
@@ -28,9 +27,9 @@ impl StepControl for ExplicitRungeKutta {
 
     fn plan(&mut self, plan: &StepPlan) {
         let length = plan.length.abs();
-        self.step = self.memory.as_ref().map_or(length, |memory| memory.limited(length));
-        self.goal = plan.goal;
-        self.corner_ahead = false;
+        self.at.step = self.memory.as_ref().map_or(length, |memory| memory.limited(length));
+        self.at.goal = plan.goal;
+        self.at.corner_ahead = false;
     }
 
     fn set_sizes(&mut self, sizes: &[f64]) {
@@ -43,60 +42,45 @@ impl StepControl for ExplicitRungeKutta {
 
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
         assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
-        self.corner_behind &= t == self.t_old;
+        self.at.corner_behind &= t == self.at.t_old;
         // whole turns and times of drives are rewritten at each step; slopes of the same motion remain
-        let continues = t == self.t_old && self.stages[..self.dim] == *dy;
-        if t != self.t_old {
+        let continues = t == self.at.t_old && self.stages[..self.dim] == *dy;
+        if t != self.at.t_old {
             self.sloped_at = t;
         }
-        (self.t_old, self.t_new) = (t, t);
+        (self.at.t_old, self.at.t_new) = (t, t);
         self.y_old[..self.dim].copy_from_slice(y);
         self.stages[..self.dim].copy_from_slice(dy);
         if !continues {
             self.forget();
         }
-        self.step = self.memory.as_ref().map_or(self.step, |memory| memory.limited(self.step));
+        self.at.step = self.memory.as_ref().map_or(self.at.step, |memory| memory.limited(self.at.step));
     }
 
     fn commit(&mut self) {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
         let (n, end) = (self.stride, self.tableau.end_slot() * self.stride);
         // what happens where a step was to end, the method does not know: its slopes may jump there
-        let changes = self.goal == Some(self.t_new);
-        self.sloped_at = self.before_jumps(self.t_new, self.attempted_h);
-        self.corner_behind = self.corner_ahead && self.goal == Some(self.t_new);
-        self.corner_ahead = false;
-        let cut = self.t_new != self.t_old + self.step * self.direction;
+        self.sloped_at = self.at.before_jumps(self.at.t_new, self.at.attempted_h);
+        let t_before = self.at.t_old;
+        let (cut, changes) = self.at.take();
         let mut growth = None;
         if let Some(memory) = &mut self.memory {
-            let error = memory.decide(&self.norm, self.attempted_h, &self.stages, &self.y_old, &self.y_new);
+            let error = memory.decide(&self.norm, self.at.attempted_h, &self.stages, &self.y_old, &self.y_new);
             self.controller.set_order(memory.order());
             let factor = self.controller.accepted(error).min(memory::LARGEST_GROWTH);
             growth = Some(if factor > 1.0 && factor < memory::LEAST_GROWTH { 1.0 } else { factor });
-            memory.shift(self.t_old, &mut self.stages, n);
+            memory.shift(t_before, &mut self.stages, n);
         }
         std::mem::swap(&mut self.y_old, &mut self.y_new);
         self.stages.copy_within(end..end + n, 0);
-        self.t_old = self.t_new;
         self.phase = Phase::Ready;
-        (self.goal, self.before_grid) = (None, None);
         self.counters.steps += 1;
         self.counters.by_rounding += u64::from(self.by_rounding);
         self.rounding.taken(self.by_rounding);
         self.judge_anew();
-        match &mut self.grid {
-            Some(grid) => {
-                grid.reached(self.t_old);
-                self.step = grid.step();
-            }
-            None => {
-                let h = self.attempted_h.abs();
-                let next = h * growth.unwrap_or_else(|| self.controller.accepted(self.error));
-                // a step shortened by t_end does not change the planned length
-                let planned = if cut && h < self.step { self.step } else { 0.0 };
-                self.step = next.max(planned).min(self.options.max_step);
-            }
-        }
+        let (controller, error) = (&mut self.controller, self.error);
+        self.at.lengthen(cut, self.options.max_step, || growth.unwrap_or_else(|| controller.accepted(error)));
         if changes {
             self.forget();
         }
@@ -104,25 +88,20 @@ impl StepControl for ExplicitRungeKutta {
 
     fn reject(&mut self, factor: f64) {
         assert_ne!(self.phase, Phase::Ready, "there is no step to reject");
-        self.step = self.attempted_h.abs() * factor;
+        self.at.step = self.at.attempted_h.abs() * factor;
         self.controller.hold();
         self.throw_away();
     }
 
     fn end_at(&mut self, t: f64) {
         assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
-        self.step = self.step.max(self.attempted_h.abs());
-        match self.grid {
-            Some(_) => self.before_grid = Some(t),
-            None => self.goal = Some(t),
-        }
-        self.corner_ahead = false;
+        self.at.end_at(t);
         self.throw_away();
     }
 
     fn end_at_corner(&mut self, t: f64) {
         self.end_at(t);
-        self.corner_ahead = true;
+        self.at.corner_ahead = true;
     }
 }
 
@@ -148,7 +127,7 @@ impl StepStorage for ExplicitRungeKutta {
 
     fn load(&mut self, (t_old, t_new): (f64, f64), step: &[f64], extra: &[f64]) {
         let (dim, stride) = (self.dim, self.stride);
-        (self.t_old, self.t_new, self.attempted_h) = (t_old, t_new, t_new - t_old);
+        (self.at.t_old, self.at.t_new, self.at.attempted_h) = (t_old, t_new, t_new - t_old);
         let (y_old, rest) = step.split_at(dim);
         let (y_new, mut rest) = rest.split_at(dim);
         self.y_old[..dim].copy_from_slice(y_old);
@@ -168,7 +147,7 @@ impl ExplicitRungeKutta {
     /// The next step is judged by the tolerance alone again.
     fn judge_anew(&mut self) {
         if std::mem::take(&mut self.by_rounding) {
-            self.norm.set_floor(None, self.attempted_h);
+            self.norm.set_floor(None, self.at.attempted_h);
         }
     }
 
@@ -226,7 +205,7 @@ mod tests {
                 assert_eq!(stepper.conclude(end), Ok(crate::stepper::Conclusion::Done));
                 let (mut step, mut extra) = (Vec::new(), Vec::new());
                 assert!(stepper.save(&mut step));
-                let (from, to) = (stepper.t_old, stepper.t_new);
+                let (from, to) = (stepper.at.t_old, stepper.at.t_new);
                 reader.load((from, to), &step, &[]);
                 for part in [0.0, 0.3, 0.9, 1.0] {
                     let t = from + part * (to - from);

@@ -5,6 +5,7 @@ pub mod registry;
 
 use crate::error::{Result, SystemError};
 use crate::event::MotionState;
+pub use crate::linear_rates::LinearRates;
 pub use crate::record::StepDecision;
 use crate::record::{Crossings, Gaps, History, Output, PartitionEvent, Sample, StepChecks};
 pub use crate::singular::change_point::{Across, Pace};
@@ -243,6 +244,8 @@ pub trait Formulation {
     fn start(&mut self, t: f64, q: &[f64], v: &[f64], y: &mut [f64]) -> Result<()>;
     /// `y' = f(t, y)`.
     fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64], depth: Depth) -> Result<()>;
+    /// The rates at (t, y) changed to first order, for implicit methods; about as many evaluations as independent velocities.
+    fn linear_rates(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<()>;
     /// The end (t, y) of a step: removes the remainder of S3 from y, evaluates y' there and judges the step. `known`
     /// states that dy contains `f(t, y)` from the last evaluation.
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<TrialEnd>;

@@ -11,12 +11,13 @@ mod checks;
 mod combinations;
 mod compiled;
 mod crossing;
+mod linear;
 mod prescribed;
 mod steps;
 
 pub use combinations::*;
 
-use super::{Depth, Formulation, Layout, Point, Prescribing, Prescription, Purpose, Side, Step, TrialEnd};
+use super::{Depth, Formulation, Layout, LinearRates, Point, Prescribing, Prescription, Purpose, Side, Step, TrialEnd};
 use crate::error::Result;
 use crate::event::MotionState;
 use crate::positions::Positions;
@@ -321,6 +322,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> F
             true => Ok(()),
             false => self.derivative_by_levels(t, y, dy),
         }
+    }
+    fn linear_rates(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<()> {
+        self.linear(t, y, out)
     }
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<TrialEnd> {
         self.end(t, y, dy, known)

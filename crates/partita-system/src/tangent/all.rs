@@ -185,6 +185,9 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
     fn count(&self) -> usize {
         self.base.r.size().nv
     }
+    fn is_partition(&self) -> bool {
+        false
+    }
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.copy_from_slice(v);
     }

@@ -251,6 +251,9 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Frozen<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
+    fn is_partition(&self) -> bool {
+        false
+    }
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.iter_mut().enumerate().for_each(|(j, u)| *u = dense::dot(self.selector.row(j), v));
     }

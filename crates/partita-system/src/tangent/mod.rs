@@ -48,6 +48,10 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
     fn seen(&self) -> &Reduction<'s, S> {
         &self.base().r
     }
+    /// Whether tangent velocities are the independent ones of the reduction's partition.
+    fn is_partition(&self) -> bool {
+        true
+    }
     /// Number of tangent velocities.
     fn count(&self) -> usize {
         self.seen().k()

@@ -272,6 +272,9 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for MappedTangent<'s, S> {
         &mut self.base
     }
     /// The u fitted to the initial state; it does not change later.
+    fn is_partition(&self) -> bool {
+        false
+    }
     fn select(&mut self, _v: &[f64], u: &mut [f64]) {
         u.copy_from_slice(&self.first);
     }

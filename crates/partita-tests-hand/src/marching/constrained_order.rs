@@ -4,7 +4,9 @@
 use crate::pieces::{any, distance, grid, march, reference, run, slope, times, Angles, FourBar, InUnits, Pendulum};
 use partita_system::equations::{Equations, UserSystem};
 use partita_system::formulation::motion::Projective;
-use partita_system::formulation::{Depth, Formulation, Layout, Point, Purpose, Step, StepDecision, TrialEnd};
+use partita_system::formulation::{
+    Depth, Formulation, Layout, LinearRates, Point, Purpose, Step, StepDecision, TrialEnd,
+};
 use partita_system::options::FormulationOptions;
 use partita_system::prelude::*;
 use partita_system::record::{Correction, History, Output, PartitionEvent, Sample};
@@ -200,6 +202,9 @@ impl<E: Equations> Formulation for Watched<'_, E> {
     }
     fn rates(&mut self, t: f64, y: &[f64], dy: &mut [f64], depth: Depth) -> Result<(), SystemError> {
         self.inner.rates(t, y, dy, depth)
+    }
+    fn linear_rates(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<(), SystemError> {
+        self.inner.linear_rates(t, y, out)
     }
     fn trial_end(&mut self, t: f64, y: &mut [f64], dy: &mut [f64], known: bool) -> Result<TrialEnd, SystemError> {
         self.steps += 1;

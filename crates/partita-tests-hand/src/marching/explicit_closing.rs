@@ -261,6 +261,8 @@ impl Manifold for Recognised {}
 
 impl Guards for Recognised {}
 
+impl partita_system::system::Varied for Recognised {}
+
 impl Methods for Recognised {
     /// The inputs asked for, or those with the largest product of pivots.
     fn closing<'s>(

@@ -4,7 +4,7 @@ use partita_math::tolerance;
 
 /// The grid `origin + i h` up to `end`, which is met exactly.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct FixedGrid {
+pub(crate) struct FixedGrid {
     h: f64,
     origin: f64,
     end: f64,
@@ -14,7 +14,7 @@ pub(super) struct FixedGrid {
 
 impl FixedGrid {
     /// Grid from `origin` to `end` with steps of length `h > 0`, the last one shorter where they do not fit.
-    pub(super) fn new(h: f64, origin: f64, end: f64) -> Self {
+    pub(crate) fn new(h: f64, origin: f64, end: f64) -> Self {
         let span = end - origin;
         let steps = span.abs() / h;
         let total = (steps - tolerance::EQUAL.max(tolerance::ROUNDING * steps)).ceil().max(1.0);
@@ -22,12 +22,12 @@ impl FixedGrid {
     }
 
     /// Length of the steps.
-    pub(super) fn step(&self) -> f64 {
+    pub(crate) fn step(&self) -> f64 {
         self.h.abs()
     }
 
     /// The next point. Multiples of `h` are computed each time, so that their errors do not accumulate.
-    pub(super) fn goal(&self) -> f64 {
+    pub(crate) fn goal(&self) -> f64 {
         if self.next < self.total {
             self.origin + self.next as f64 * self.h
         } else {
@@ -36,7 +36,7 @@ impl FixedGrid {
     }
 
     /// Note that `t` was reached: the next point, or a time before it after an obstacle.
-    pub(super) fn reached(&mut self, t: f64) {
+    pub(crate) fn reached(&mut self, t: f64) {
         if t == self.goal() {
             self.next += 1;
         }

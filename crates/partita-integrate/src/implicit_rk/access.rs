@@ -1,0 +1,127 @@
+//! Read access to the stepper, and decisions between its evaluations.
+
+use super::coefficients::S;
+use super::{Phase, Radau};
+use crate::counters::Counters;
+use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
+
+impl StepControl for Radau {
+    fn current(&self) -> CurrentStep<'_> {
+        CurrentStep {
+            t_old: self.at.t_old,
+            t_new: self.at.t_new,
+            t_end: self.at.t_end,
+            y_old: &self.y_old,
+            dy_old: &self.f_old,
+            y_new: &self.y_new,
+            dy_new: &self.f_new,
+            next: self.at.step,
+            may_shrink: self.at.may_shrink(),
+        }
+    }
+
+    fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    fn plan(&mut self, plan: &StepPlan) {
+        (self.at.step, self.at.goal, self.at.corner_ahead) = (plan.length.abs(), plan.goal, false);
+    }
+
+    fn set_sizes(&mut self, sizes: &[f64]) {
+        self.norm.set_sizes(sizes);
+        self.sizes.copy_from_slice(sizes);
+    }
+
+    fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]) {
+        assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
+        self.at.corner_behind &= t == self.at.t_old;
+        // whole turns are rewritten at each step; slopes of the same motion remain
+        let continues = t == self.at.t_old && self.f_old == *dy;
+        if t != self.at.t_old {
+            self.sloped_at = t;
+        }
+        (self.at.t_old, self.at.t_new) = (t, t);
+        self.y_old.copy_from_slice(y);
+        self.f_old.copy_from_slice(dy);
+        if !continues {
+            self.forget();
+        }
+    }
+
+    fn commit(&mut self) {
+        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        // what happens where a step was to end, the method does not know: its slopes may jump there
+        self.sloped_at = self.at.before_jumps(self.at.t_new, self.at.attempted_h);
+        let (cut, changes) = self.at.take();
+        std::mem::swap(&mut self.y_old, &mut self.y_new);
+        std::mem::swap(&mut self.f_old, &mut self.f_new);
+        self.before.copy_from_slice(&self.solver.z);
+        self.phase = Phase::Ready;
+        self.counters.steps += 1;
+        self.counters.by_rounding += u64::from(self.by_rounding);
+        self.rounding.taken(self.by_rounding);
+        let h = self.at.attempted_h;
+        let (controller, found) = (&mut self.controller, self.found);
+        self.at.lengthen(cut, self.options.max_step, || controller.accepted(h.abs(), found));
+        (self.behind, self.fresh, self.repeated) = (Some(h), false, false);
+        self.solver.known &= !found.renews;
+        if changes {
+            self.forget();
+        }
+    }
+
+    fn reject(&mut self, factor: f64) {
+        assert_ne!(self.phase, Phase::Ready, "there is no step to reject");
+        self.at.step = self.at.attempted_h.abs() * factor;
+        self.controller.hold();
+        self.throw_away();
+    }
+
+    fn end_at(&mut self, t: f64) {
+        assert_eq!(self.phase, Phase::Concluded, "conclude the step first");
+        self.at.end_at(t);
+        self.throw_away();
+    }
+
+    fn end_at_corner(&mut self, t: f64) {
+        self.end_at(t);
+        self.at.corner_ahead = true;
+    }
+}
+
+impl StepStorage for Radau {
+    fn save(&self, out: &mut Vec<f64>) -> bool {
+        [&self.y_old, &self.y_new, &self.f_old, &self.solver.z].into_iter().for_each(|x| out.extend_from_slice(x));
+        true
+    }
+
+    fn save_extra(&self, out: &mut Vec<f64>) {
+        if self.polynomial.known {
+            out.extend_from_slice(&self.half.z);
+        }
+    }
+
+    fn load(&mut self, (t_old, t_new): (f64, f64), step: &[f64], extra: &[f64]) {
+        let n = self.y_old.len();
+        (self.at.t_old, self.at.t_new, self.at.attempted_h) = (t_old, t_new, t_new - t_old);
+        self.y_old.copy_from_slice(&step[..n]);
+        self.y_new.copy_from_slice(&step[n..2 * n]);
+        self.f_old.copy_from_slice(&step[2 * n..3 * n]);
+        self.solver.z.copy_from_slice(&step[3 * n..(3 + S) * n]);
+        self.phase = Phase::Concluded;
+        self.polynomial.known = false;
+        if !extra.is_empty() {
+            self.half.z.copy_from_slice(extra);
+            self.polynomial.fill(&self.y_old, &self.y_new, &self.solver, &self.half);
+        }
+    }
+}
+
+impl Radau {
+    fn throw_away(&mut self) {
+        self.polynomial.known = false;
+        self.phase = Phase::Ready;
+        self.counters.rejected += 1;
+    }
+}

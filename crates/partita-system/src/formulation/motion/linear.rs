@@ -1,0 +1,179 @@
+//! Rates changed to first order along the motions that the loops allow.                                    (V1-V3)
+//!
+//! ```text
+//! x = (z, u):   dq = N Dᵀ dz,   dv = Dᵀ du − G d(C v + a),   M_d du' = −D (dr − M G ds)
+//! ```
+
+use super::Motion;
+use crate::error::Result;
+use crate::linear_rates::{Along, LinearRates};
+use crate::positions::Positions;
+use crate::reduction::Reduction;
+use crate::system::{At, Changes, ConstrainedSystem, Directions};
+use crate::tangent::Tangent;
+use partita_math::dense::{self, Matrix};
+
+/// Memory of a linearisation.
+#[derive(Debug, Default)]
+struct Columns {
+    dq: Vec<f64>,
+    dv: Vec<f64>,
+    dvdot: Vec<f64>,
+    lifted: Vec<f64>,
+    kept: Vec<f64>,
+}
+
+/// `x ← x − G s` for changes s of all rows.                                                               (V2, V3)
+fn correct<S: ConstrainedSystem>(r: &Reduction<S>, s: &[f64], kept: &mut Vec<f64>, x: &mut [f64]) {
+    kept.clear();
+    kept.extend(r.planned.partition.rows.iter().map(|&i| s[i]));
+    r.solve(kept, 1);
+    kept.iter().zip(&r.planned.partition.dependent).for_each(|(g, &i)| x[i] -= g);
+}
+
+impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> Motion<'s, S, T, P> {
+    /// The rates at (t, y) changed to first order: exactly where y holds all coordinates and the independent velocities of a
+    /// partition, by differences otherwise.
+    pub(super) fn linear(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<()> {
+        let r = self.tangent.seen();
+        let holonomic = r.planned.partition.rows.iter().all(|&i| i < r.size().holonomic);
+        match holonomic && self.positions.has_all() && self.tangent.is_partition() {
+            true => self.by_variations(t, y, out),
+            false => self.by_differences(t, y, out),
+        }
+    }
+
+    fn by_differences(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<()> {
+        let sizes = self.layout.sizes.clone();
+        let mut dy = vec![0.0; y.len()];
+        self.derivative_by_levels(t, y, &mut dy)?;
+        let count = self.offsets().1;
+        let mut rates = |y: &[f64], dy: &mut [f64]| self.derivative_by_levels(t, y, dy);
+        out.by_differences((count, |i| sizes[i]), (y, &dy), &mut rates)
+    }
+
+    fn by_variations(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<()> {
+        let (p, w) = self.offsets();
+        if !self.tangent.seen().by_clusters() && self.tangent.seen().columns() == self.k {
+            self.derivative_of_levels(t, y)?;
+            return vary(self.tangent.reduction(), (t, self.positions.q()), (p, w, y.len()), out);
+        }
+        // D and M_d in full, for this choice
+        let r = self.tangent.seen();
+        let mut full = Reduction::dense(r.system.clone(), r.rank()).keeping(&r.planned.partition.rows);
+        let independent = r.planned.partition.independent.clone();
+        let q = &y[..p];
+        full.position(t, q)?;
+        full.refresh_scales(t, q)?;
+        full.set_partition(t, &independent)?;
+        full.evaluate(t, q, &y[p..w])?;
+        vary(&mut full, (t, q), (p, w, y.len()), out)
+    }
+
+    /// All levels at (t, y), without their rates.
+    fn derivative_of_levels(&mut self, t: f64, y: &[f64]) -> Result<()> {
+        self.levels(t, y, false)
+    }
+}
+
+/// (V1-V3) at the point to which r belongs. Of y there are p coordinates, w with the velocities, and `dim` in all.
+fn vary<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    (t, q): (f64, &[f64]),
+    (p, w, dim): (usize, usize, usize),
+    out: &mut LinearRates,
+) -> Result<()> {
+    let (n, rows, k) = (r.size().nv, r.size().rows, r.k());
+    let (mut vdot, mut multipliers) = (vec![0.0; n], vec![0.0; rows]);
+    r.full_acceleration(&mut vdot);
+    r.multipliers(t, q, &vdot, &mut multipliers)?;
+    let r = &*r;
+    let system = &*r.system;
+    let at = At { t, q, v: &r.at.v, vdot: &vdot, multipliers: &multipliers };
+    // z, dependent displacements that no loop allows, and u
+    let (moved_by, count) = (n, n + k);
+    let mut x = Columns::default();
+    [&mut x.dq, &mut x.dv, &mut x.dvdot].into_iter().for_each(|x| x.resize(count * n, 0.0));
+    let mut changes = Changes::new(rows, n, count);
+    for i in 0..n {
+        for j in 0..k {
+            x.dq[j * n + i] = r.at.dt[i * k + j]; // (V1)
+            x.dv[(n + j) * n + i] = r.at.dt[i * k + j];
+        }
+    }
+    let partition = &r.planned.partition;
+    partition.dependent.iter().enumerate().for_each(|(j, &i)| x.dq[(k + j) * n + i] = 1.0);
+    let along = |count: usize, x: &Columns, changes: &mut Changes| {
+        system.vary(&at, &Directions { count, q: &x.dq, v: &x.dv, vdot: &x.dvdot }, changes)
+    };
+    // each level needs the changes of the one before
+    if rows > 0 {
+        along(moved_by, &x, &mut changes)?;
+        for j in 0..moved_by {
+            correct(r, &changes.rates[j * rows..(j + 1) * rows], &mut x.kept, &mut x.dv[j * n..(j + 1) * n]);
+            // (V2)
+        }
+        along(count, &x, &mut changes)?;
+        for j in 0..count {
+            let s = &changes.accelerations[j * rows..(j + 1) * rows];
+            correct(r, s, &mut x.kept, &mut x.dvdot[j * n..(j + 1) * n]); // (V3)
+        }
+    }
+    let derivatives = along(count, &x, &mut changes)?;
+    let structure = system.structure();
+    let plain = |i: usize| structure.coordinates_of(i).len() == 1;
+    out.begin(2 * k, partition.independent.iter().all(|&i| plain(i)));
+    out.derivatives = derivatives;
+    // rows of N⁺, N's columns being perpendicular where a rotation in space has three
+    let mut coordinates = Matrix::new(n, p);
+    let mut column = vec![0.0; p];
+    x.lifted.resize(n, 0.0);
+    for i in 0..n {
+        x.lifted.fill(0.0);
+        x.lifted[i] = 1.0;
+        system.rate(q, &x.lifted, &mut column);
+        let square: f64 = column.iter().map(|x| x * x).sum();
+        column.iter().enumerate().for_each(|(l, x)| coordinates[(i, l)] = x / square);
+    }
+    let (m, mut lift, mut select) = (2 * k, vec![0.0; dim * 2 * k], vec![0.0; 2 * k * dim]);
+    let mut coupling = vec![0.0; if n > k { m * dim } else { 0 }];
+    for (i, &velocity) in partition.independent.iter().enumerate() {
+        (0..p).for_each(|l| select[i * dim + l] = coordinates[(velocity, l)]);
+        select[(k + i) * dim + p + i] = 1.0;
+        lift[(p + i) * m + k + i] = 1.0;
+    }
+    let (mut moved, mut before, mut after) = (q.to_vec(), vec![0.0; p], vec![0.0; p]);
+    system.rate(q, &r.at.v, &mut before);
+    let mut du = vec![0.0; m];
+    for j in 0..count {
+        let (dq, dv) = (&x.dq[j * n..(j + 1) * n], &x.dv[j * n..(j + 1) * n]);
+        system.rate(q, dq, &mut column);
+        if j < k {
+            (0..p).for_each(|i| lift[i * m + j] = column[i]);
+        }
+        // N is linear in q
+        moved.iter_mut().zip(q.iter().zip(&column)).for_each(|(to, (q, d))| *to = q + d);
+        system.rate(&moved, &r.at.v, &mut after);
+        system.rate(q, dv, &mut column);
+        (0..p).for_each(|i| column[i] += after[i] - before[i]);
+        let force = &changes.forces[j * n..(j + 1) * n];
+        for i in 0..k {
+            du[i] = (0..p).map(|l| select[i * dim + l] * column[l]).sum();
+            du[k + i] = -(0..n).map(|l| r.at.dt[l * k + i] * force[l]).sum::<f64>();
+        }
+        dense::cholesky_solve(&r.at.md_factor, k, &mut du[k..]);
+        for (i, d) in du.iter().enumerate() {
+            match j {
+                _ if j < k => out.a[i * m + j] = *d,
+                _ if j >= n => out.a[i * m + k + j - n] = *d,
+                _ => {
+                    let of = partition.dependent[j - k];
+                    (0..p).for_each(|l| coupling[i * dim + l] += d * coordinates[(of, l)]);
+                }
+            }
+        }
+    }
+    debug_assert_eq!(w, p + k);
+    out.along = Along::Tangent { lift, select, coupling };
+    Ok(())
+}

@@ -1,0 +1,128 @@
+//! Rates of a state changed to first order, for the iterations of implicit methods.
+//!
+//! ```text
+//! δy = L x + e,   x = S δy        S δ(y') = A x + B e        S L = 1
+//! ```
+//!
+//! Where y holds more coordinates than a motion has freedoms, x are changes that the loops allow, 2k of them at most: only
+//! along these can forces be stiff and the motion stay closed. What is left, e, follows from the rates themselves.
+
+use crate::system::Derivatives;
+
+/// Which changes x are.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Along {
+    /// Those of the leading components of y.
+    Leading,
+    /// Those that L gives (`lift`, dim x count) and S finds (`select`, count x dim), row by row.
+    Tangent {
+        /// L.
+        lift: Vec<f64>,
+        /// S.
+        select: Vec<f64>,
+        /// B (`count` x dim), or nothing where it is zero.
+        coupling: Vec<f64>,
+    },
+}
+
+/// A, and which changes it belongs to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearRates {
+    /// Number of changes x.
+    pub count: usize,
+    /// Them.
+    pub along: Along,
+    /// A (count x count), row by row.
+    pub a: Vec<f64>,
+    /// Whether the first half of x changes at the rates of the second half alone: `A = [0 1; −M_d⁻¹ K  −M_d⁻¹ D]`.
+    pub second_order: bool,
+    /// How it was computed.
+    pub derivatives: Derivatives,
+    /// Evaluations of the rates that it took.
+    pub evaluations: u64,
+}
+
+/// Lengths of differences of the rates. Scale: relative to a component and its natural size. Reason: the root of the rounding,
+/// where the errors of a one-sided difference meet.
+const DIFFERENCE: f64 = 1.5e-8;
+
+/// Rates of a state: writes y' for y.
+pub type RatesOf<'r, E> = &'r mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>;
+
+impl Default for LinearRates {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            along: Along::Leading,
+            a: Vec::new(),
+            second_order: false,
+            derivatives: Derivatives::Exact,
+            evaluations: 0,
+        }
+    }
+}
+
+impl LinearRates {
+    /// For so many changes.
+    pub(crate) fn begin(&mut self, count: usize, second_order: bool) {
+        (self.count, self.second_order, self.evaluations) = (count, second_order, 0);
+        self.a.clear();
+        self.a.resize(count * count, 0.0);
+    }
+
+    /// By differences of the rates `dy` at (t, y), along the leading `count` components, of these natural sizes.
+    ///
+    /// # Errors
+    /// That of an evaluation.
+    pub fn by_differences<E>(
+        &mut self,
+        (count, sizes): (usize, impl Fn(usize) -> f64),
+        (y, dy): (&[f64], &[f64]),
+        rates: RatesOf<E>,
+    ) -> Result<(), E> {
+        self.begin(count, false);
+        (self.along, self.derivatives) = (Along::Leading, Derivatives::Differences);
+        let (mut moved, mut found) = (y.to_vec(), vec![0.0; y.len()]);
+        for j in 0..count {
+            moved[j] = y[j] + DIFFERENCE * y[j].abs().max(sizes(j)).max(f64::MIN_POSITIVE);
+            let by = moved[j] - y[j];
+            rates(&moved, &mut found)?;
+            self.evaluations += 1;
+            (0..count).for_each(|i| self.a[i * count + j] = (found[i] - dy[i]) / by);
+            moved[j] = y[j];
+        }
+        Ok(())
+    }
+
+    /// `x = S δy`.
+    pub fn select(&self, change: &[f64], x: &mut [f64]) {
+        match &self.along {
+            Along::Leading => x.copy_from_slice(&change[..self.count]),
+            Along::Tangent { select, .. } => {
+                let rows = select.chunks_exact(change.len().max(1));
+                x.iter_mut().zip(rows).for_each(|(x, row)| *x = row.iter().zip(change).map(|(s, d)| s * d).sum());
+            }
+        }
+    }
+
+    /// `out += L x`.
+    pub fn lift(&self, x: &[f64], out: &mut [f64]) {
+        match &self.along {
+            Along::Leading => out.iter_mut().zip(x).for_each(|(out, x)| *out += x),
+            Along::Tangent { lift, .. } => {
+                let rows = lift.chunks_exact(self.count.max(1));
+                out.iter_mut()
+                    .zip(rows)
+                    .for_each(|(out, row)| *out += row.iter().zip(x).map(|(l, x)| l * x).sum::<f64>());
+            }
+        }
+    }
+
+    /// `x += B e`.
+    pub fn couple(&self, e: &[f64], x: &mut [f64]) {
+        if let Along::Tangent { coupling, .. } = &self.along {
+            let rows = coupling.chunks_exact(e.len().max(1));
+            x.iter_mut().zip(rows).for_each(|(x, row)| *x += row.iter().zip(e).map(|(b, e)| b * e).sum::<f64>());
+        }
+    }
+}
