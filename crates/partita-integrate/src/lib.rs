@@ -27,5 +27,7 @@ pub mod singular_start;
 pub mod step_log;
 pub mod step_size;
 pub mod stepper;
+mod stiffness;
+mod switching;
 pub mod tableau;
 mod watch;

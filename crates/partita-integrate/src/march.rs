@@ -244,7 +244,8 @@ impl March {
 
     /// The elements of the mechanism that were passed through, in sentences.
     pub fn notes(&self) -> impl Iterator<Item = String> + '_ {
-        self.watches.guards.notes().chain(self.watches.events.iter().flat_map(EventWatch::notes))
+        let events = self.watches.events.iter().flat_map(EventWatch::notes);
+        self.stepper.notes().into_iter().chain(self.watches.guards.notes()).chain(events)
     }
 
     /// Time reached.

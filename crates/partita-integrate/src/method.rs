@@ -4,6 +4,7 @@ use crate::explicit_rk::ExplicitRungeKutta;
 use crate::implicit_rk::Radau;
 use crate::options::{Options, OptionsError};
 use crate::stepper::Stepper;
+use crate::switching::{Policy, Switching};
 use crate::tableau::{self, Tableau};
 use partita_system::SystemError;
 use std::fmt::Debug;
@@ -25,7 +26,12 @@ impl Method for Tableau {
     }
 
     fn stepper(&'static self, dim: usize, options: Options) -> Result<Box<dyn Stepper<SystemError>>, OptionsError> {
-        Ok(Box::new(ExplicitRungeKutta::new(self, dim, options)?))
+        let adapts = options.fixed_step.is_none();
+        let explicit = ExplicitRungeKutta::new(self, dim, options.clone())?;
+        match adapts {
+            true => Ok(Box::new(Switching::new(Policy::Advise, self.name, explicit, dim, options)?)),
+            false => Ok(Box::new(explicit)),
+        }
     }
 }
 
@@ -67,10 +73,32 @@ impl Method for RadauIIA {
     }
 }
 
+/// DOP853, and Radau IIA where stiff forces limit its steps. Fixed steps are those of DOP853.
+#[derive(Debug)]
+pub struct Auto;
+
+/// The one of its kind.
+pub static AUTO: Auto = Auto;
+
+impl Method for Auto {
+    fn name(&self) -> &'static str {
+        "auto"
+    }
+
+    fn stepper(&'static self, dim: usize, options: Options) -> Result<Box<dyn Stepper<SystemError>>, OptionsError> {
+        let (table, adapts) = (&tableau::DOP853, options.fixed_step.is_none());
+        let explicit = ExplicitRungeKutta::new(table, dim, options.clone())?;
+        match adapts {
+            true => Ok(Box::new(Switching::new(Policy::Change, table.name, explicit, dim, options)?)),
+            false => Ok(Box::new(explicit)),
+        }
+    }
+}
+
 /// Every method, the recommended one first.
 pub fn all() -> impl Iterator<Item = &'static dyn Method> {
     let tables = tableau::METHODS.into_iter().map(|tableau| tableau as &dyn Method);
-    tables.chain([&ADAMS as &dyn Method, &RADAU as &dyn Method])
+    tables.chain([&ADAMS as &dyn Method, &RADAU as &dyn Method, &AUTO as &dyn Method])
 }
 
 /// The method called `name`, if there is one.

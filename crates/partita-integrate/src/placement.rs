@@ -38,6 +38,16 @@ pub(crate) struct Placement {
     shortest: f64,
 }
 
+/// A motion between two steps, to be gone on with by another method.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Handover<'a> {
+    pub(crate) at: &'a Placement,
+    /// When the slope was evaluated.
+    pub(crate) sloped_at: f64,
+    pub(crate) y: &'a [f64],
+    pub(crate) dy: &'a [f64],
+}
+
 impl Placement {
     pub(crate) fn new() -> Self {
         Self {

@@ -82,6 +82,10 @@ pub trait StepControl: Debug + Send + Sync {
     /// The time `t` may be an earlier one, to integrate from there again. The method's memory of earlier steps is
     /// cleared, unless time and slope are those that it has: the motion goes on.
     fn replace_start(&mut self, t: f64, y: &[f64], dy: &[f64]);
+    /// What the method has to say about its steps, in sentences.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
     /// Make the end of the concluded step the start of the next one, and choose its length.
     fn commit(&mut self);
     /// Reject the attempted or concluded step; the next attempt is `factor` times as long.

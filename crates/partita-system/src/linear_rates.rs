@@ -118,6 +118,20 @@ impl LinearRates {
         }
     }
 
+    /// Natural sizes of x, from those of y.
+    pub fn sizes(&self, of_y: &[f64]) -> Vec<f64> {
+        let mut sizes = vec![0.0; self.count];
+        match &self.along {
+            Along::Leading => sizes.copy_from_slice(&of_y[..self.count]),
+            Along::Tangent { select, .. } => {
+                let rows = select.chunks_exact(of_y.len().max(1));
+                let size = |row: &[f64]| row.iter().zip(of_y).map(|(s, y)| s.abs() * y).sum();
+                sizes.iter_mut().zip(rows).for_each(|(to, row)| *to = size(row));
+            }
+        }
+        sizes
+    }
+
     /// `x += B e`.
     pub fn couple(&self, e: &[f64], x: &mut [f64]) {
         if let Along::Tangent { coupling, .. } = &self.along {

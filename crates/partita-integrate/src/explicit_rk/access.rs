@@ -4,6 +4,7 @@ use super::{memory, ExplicitRungeKutta, Phase};
 use crate::combination::append;
 use crate::counters::Counters;
 use crate::dense_output::Known;
+use crate::placement::Handover;
 use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
 
 impl StepControl for ExplicitRungeKutta {
@@ -156,6 +157,23 @@ impl ExplicitRungeKutta {
         self.dense.known = Known::Stages;
         self.phase = Phase::Ready;
         self.counters.rejected += 1;
+    }
+
+    /// What another method goes on from.
+    pub(crate) fn hand_over(&self) -> Handover<'_> {
+        assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
+        Handover { at: &self.at, sloped_at: self.sloped_at, y: &self.y_old[..self.dim], dy: self.slot(0) }
+    }
+
+    /// Go on from where another method stands.
+    pub(crate) fn adopt(&mut self, from: Handover) {
+        (self.at, self.sloped_at) = (from.at.clone(), from.sloped_at);
+        self.y_old[..self.dim].copy_from_slice(from.y);
+        self.stages[..self.dim].copy_from_slice(from.dy);
+        (self.phase, self.dense.known) = (Phase::Ready, Known::Stages);
+        self.controller.reset();
+        self.forget();
+        self.rounding.forget();
     }
 
     /// Error of the attempted step in units of the tolerance, at most one; 0 with a fixed step.

@@ -1,9 +1,11 @@
 //! Read access to the stepper, and decisions between its evaluations.
 
 use super::coefficients::S;
-use super::{Phase, Radau};
+use super::{Phase, Predictive, Radau};
 use crate::counters::Counters;
+use crate::placement::Handover;
 use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
+use partita_system::linear_rates::LinearRates;
 
 impl StepControl for Radau {
     fn current(&self) -> CurrentStep<'_> {
@@ -123,5 +125,26 @@ impl Radau {
         self.polynomial.known = false;
         self.phase = Phase::Ready;
         self.counters.rejected += 1;
+    }
+
+    /// The rates changed to first order that the next step uses, if it keeps them.
+    pub(crate) fn linear(&self) -> Option<&LinearRates> {
+        self.solver.known.then_some(&self.solver.linear)
+    }
+
+    /// What another method goes on from.
+    pub(crate) fn hand_over(&self) -> Handover<'_> {
+        assert_eq!(self.phase, Phase::Ready, "commit or reject the previous step");
+        Handover { at: &self.at, sloped_at: self.sloped_at, y: &self.y_old, dy: &self.f_old }
+    }
+
+    /// Go on from where another method stands.
+    pub(crate) fn adopt(&mut self, from: Handover) {
+        (self.at, self.sloped_at) = (from.at.clone(), from.sloped_at);
+        self.y_old.copy_from_slice(from.y);
+        self.f_old.copy_from_slice(from.dy);
+        (self.phase, self.polynomial.known, self.repeated) = (Phase::Ready, false, false);
+        self.controller = Predictive::default();
+        self.forget();
     }
 }

@@ -1,0 +1,160 @@
+//! Whether the steps of an explicit method are limited by the fastest of what it integrates, not by the motion.
+//!
+//! ```text
+//! fastest   spectral radius of A, by powers of A
+//! motion    |A w| / |w|,   w = (1 − τ A)⁻² x'      what changes within τ, a few steps, is rounding and errors, no motion
+//! ```
+
+use partita_math::dense::{lu, lu_solve};
+use partita_math::formatted;
+use partita_system::linear_rates::LinearRates;
+
+/// Powers of A. Unit: number. Reason: with a pair of complex eigenvalues the growth of single ones varies.
+const POWERS: usize = 24;
+/// What changes within this time is no motion. Scale: multiples of the step. Reason: ten times shorter than what is worth
+/// changing the method for.
+const SMOOTHED: f64 = 10.0;
+/// An explicit step is limited by the fastest rate beyond this. Scale: multiples of its reciprocal. Reason: a third of what
+/// the methods here are stable with at best, as steps vary.
+const LIMITED: f64 = 2.0;
+/// Fastest rate over that of the motion. Unit: ratio. Reason: implicit steps of a twentieth of the motion's time cost about as
+/// much as explicit ones, so that less gains nothing.
+const STIFF: f64 = 30.0;
+
+/// The rates at a state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stiffness {
+    /// The fastest [1/s].
+    pub(crate) fastest: f64,
+    /// That of the motion [1/s].
+    pub(crate) motion: f64,
+}
+
+fn norm(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
+/// A x, in units of the sizes.
+fn times(linear: &LinearRates, sizes: &[f64], x: &[f64]) -> Vec<f64> {
+    let rows = linear.a.chunks_exact(linear.count.max(1)).zip(sizes);
+    rows.map(|(row, size)| row.iter().zip(x.iter().zip(sizes)).map(|(a, (x, s))| a * x * s).sum::<f64>() / size)
+        .collect()
+}
+
+impl Stiffness {
+    /// Where the rates are dy, for steps of length h; `sizes` are those of the components. None where it cannot be told.
+    pub(crate) fn of(linear: &LinearRates, sizes: &[f64], dy: &[f64], h: f64) -> Option<Self> {
+        let n = linear.count;
+        let own = linear.sizes(sizes);
+        let mut x: Vec<f64> = (0..n).map(|i| 1.0 + 0.37 * ((i * i) % 5) as f64).collect();
+        let (mut growth, mut counted) = (0.0, 0.0);
+        for i in 0..POWERS {
+            let next = times(linear, &own, &x);
+            let size = norm(&next);
+            if size == 0.0 {
+                return Some(Self { fastest: 0.0, motion: 0.0 });
+            }
+            // the first powers turn x into the fastest
+            if i >= POWERS / 2 {
+                growth += (size / norm(&x)).ln();
+                counted += 1.0;
+            }
+            x = next.into_iter().map(|x| x / size).collect();
+        }
+        let fastest = f64::exp(growth / counted);
+        let (tau, mut matrix, mut order) = (SMOOTHED * h.abs(), linear.a.clone(), vec![0; n]);
+        for (e, a) in matrix.iter_mut().enumerate() {
+            let (i, j) = (e / n, e % n);
+            *a = f64::from(u8::from(i == j)) - tau * *a * own[j] / own[i];
+        }
+        lu(&mut matrix, n, &mut order).ok()?;
+        let mut w = vec![0.0; n];
+        linear.select(dy, &mut w);
+        w.iter_mut().zip(&own).for_each(|(w, s)| *w /= s);
+        lu_solve(&matrix, n, &order, &mut w);
+        lu_solve(&matrix, n, &order, &mut w);
+        let size = norm(&w);
+        let motion = if size > 0.0 { norm(&times(linear, &own, &w)) / size } else { 0.0 };
+        (fastest.is_finite() && motion.is_finite()).then_some(Self { fastest, motion })
+    }
+
+    /// Whether it, not the motion, limits explicit steps of length h.
+    pub(crate) fn limits(&self, h: f64) -> bool {
+        h.abs() * self.fastest > LIMITED && self.fastest > STIFF * self.motion
+    }
+
+    /// Whether explicit steps of length h come nowhere near.
+    pub(crate) fn is_far(&self, h: f64) -> bool {
+        h.abs() * self.fastest < 0.25 * LIMITED
+    }
+
+    /// Whether explicit steps of length h would be stable.
+    pub(crate) fn allows(&self, h: f64) -> bool {
+        h.abs() * self.fastest < 0.75 * LIMITED
+    }
+
+    /// In words.
+    pub(crate) fn words(&self) -> String {
+        format!(
+            "forces change at up to {} per second, the motion at {}",
+            formatted(rounded(self.fastest)),
+            formatted(rounded(self.motion))
+        )
+    }
+}
+
+/// To two digits.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.1e}").parse().unwrap_or(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A spring of frequency w and damping ratio d, and a slow one.
+    fn springs(w: f64, d: f64) -> LinearRates {
+        let a = vec![
+            0.0,
+            0.0,
+            1.0,
+            0.0, //
+            0.0,
+            0.0,
+            0.0,
+            1.0, //
+            -w * w,
+            0.0,
+            -2.0 * d * w,
+            0.0, //
+            0.0,
+            -9.0,
+            0.0,
+            0.0,
+        ];
+        LinearRates { count: 4, a, ..LinearRates::default() }
+    }
+
+    #[test]
+    fn the_fastest_rate_is_found_whether_it_swings_or_creeps() {
+        for (w, d, expected) in [(1e4, 0.1, 1e4), (1e4, 0.8, 1e4), (1e3, 50.0, 1e5)] {
+            let found = Stiffness::of(&springs(w, d), &[1.0; 4], &[0.0, 0.3, 0.0, -1.0], 1e-4).unwrap();
+            assert!((found.fastest / expected - 1.0).abs() < 0.5, "{w} {d} {found:?}");
+            assert!(found.motion > 2.0 && found.motion < 10.0, "{found:?}");
+            assert!(found.limits(1e-3) && !found.limits(1e-6));
+        }
+    }
+
+    #[test]
+    fn a_fast_motion_is_not_stiff() {
+        let found = Stiffness::of(&springs(300.0, 0.0), &[1.0; 4], &[1.0, 0.0, 300.0, 0.0], 1e-4).unwrap();
+        assert!(!found.limits(0.01) && found.motion > 100.0, "{found:?}");
+    }
+
+    #[test]
+    fn errors_of_what_is_stiff_do_not_count_as_motion() {
+        let slopes = [1e-7, 0.3, 1e-2, -1.0];
+        let found = Stiffness::of(&springs(1e5, 5.0), &[1.0; 4], &slopes, 5e-6).unwrap();
+        assert!(found.motion < 50.0, "{found:?}");
+    }
+}
