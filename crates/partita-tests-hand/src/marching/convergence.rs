@@ -2,6 +2,7 @@
 
 use crate::problems::{conclude, distance, finish, Closure, Kepler};
 use partita_integrate::explicit_rk::ExplicitRungeKutta;
+use partita_integrate::implicit_rk::Radau;
 use partita_integrate::options::Options;
 use partita_integrate::stepper::{Conclusion, StepControl, Stepper};
 use partita_integrate::tableau::{Tableau, METHODS};
@@ -104,4 +105,60 @@ fn integrals_of_polynomials_are_exact() {
         let (y, exact) = (stepper.current().y_old[0], 1.5_f64.powi(p));
         assert!((y - exact).abs() < 1e-13 * exact, "{}: {y} instead of {exact}", method.name);
     }
+}
+
+/// One step, or all of them, by Radau IIA.
+fn implicit(h: f64, t: f64, t_end: f64) -> Radau {
+    let options = Options { fixed_step: Some(h), rtol: 1e-12, atol: 1e-12.into(), ..Options::default() };
+    let mut stepper = Radau::new(4, options).unwrap();
+    stepper.start(&mut Kepler, t, &Kepler::at(t), t_end).unwrap();
+    stepper
+}
+
+#[test]
+fn radau_has_order_five_and_its_dense_output_too() {
+    let errors = [64, 128].map(|n| {
+        let mut stepper = implicit(4.0 / f64::from(n), 0.0, 4.0);
+        while !stepper.current().finished() {
+            stepper.attempt(&mut Kepler).unwrap();
+            assert_eq!(conclude(&mut stepper, &mut Kepler), Ok(Conclusion::Done));
+            stepper.commit();
+        }
+        distance(stepper.current().y_old, &Kepler::at(4.0))
+    });
+    let slope = (errors[0] / errors[1]).log2();
+    assert!((slope - 5.0).abs() < 0.3, "{errors:?}, {slope}");
+    let errors = [0.2, 0.1].map(|h| {
+        let mut stepper = implicit(h, 3.0, 3.0 + h);
+        stepper.attempt(&mut Kepler).unwrap();
+        assert_eq!(conclude(&mut stepper, &mut Kepler), Ok(Conclusion::Done));
+        let mut y = [0.0; 4];
+        (0..=20).fold(0.0, |largest: f64, i| {
+            let t = 3.0 + h * f64::from(i) / 20.0;
+            stepper.interpolate(&mut Kepler, t, &mut y).unwrap();
+            largest.max(distance(&y, &Kepler::at(t)))
+        })
+    });
+    let slope = (errors[0] / errors[1]).log2();
+    assert!((slope - 5.0).abs() < 0.4, "{errors:?}, {slope}");
+}
+
+#[test]
+fn the_error_of_radau_follows_the_tolerance_and_its_work_the_sixth_root() {
+    let mut work = Vec::new();
+    for rtol in [1e-5, 1e-8, 1e-11] {
+        let options = Options { rtol, atol: rtol.into(), ..Options::default() };
+        let mut stepper = Radau::new(4, options).unwrap();
+        stepper.start(&mut Kepler, 0.0, &Kepler::at(0.0), 6.0).unwrap();
+        while !stepper.current().finished() {
+            stepper.attempt(&mut Kepler).unwrap();
+            assert_eq!(conclude(&mut stepper, &mut Kepler), Ok(Conclusion::Done));
+            stepper.commit();
+        }
+        let error = distance(stepper.current().y_old, &Kepler::at(6.0));
+        assert!(error < 300.0 * rtol && error > 1e-3 * rtol, "{rtol}: {error}");
+        work.push(stepper.counters().steps as f64);
+    }
+    // an estimate of order three would take ten times the steps for six digits more
+    assert!(work[2] / work[1] < 4.5, "{work:?}");
 }

@@ -7,6 +7,7 @@ mod crossings;
 mod driven;
 mod every_formulation;
 mod heavy_top;
+mod linear_rates;
 mod many_dof;
 mod many_turns;
 mod model_identities;
