@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! fastest   spectral radius of A, by powers of A
-//! motion    |A w| / |w|,   w = (1 − τ A)⁻² x'      what changes within τ, a few steps, is rounding and errors, no motion
+//! motion    |A w| / |w|,   w = (1 − τ A)⁻² x'      what changes within τ, a few steps, is rounding and errors, no motion,
+//!           0 where τ |w| is within the tolerance
 //! ```
 
 use partita_math::dense::{lu, lu_solve};
@@ -42,8 +43,9 @@ fn times(linear: &LinearRates, sizes: &[f64], x: &[f64]) -> Vec<f64> {
 }
 
 impl Stiffness {
-    /// Where the rates are dy, for steps of length h; `sizes` are those of the components. None where it cannot be told.
-    pub(crate) fn of(linear: &LinearRates, sizes: &[f64], dy: &[f64], h: f64) -> Option<Self> {
+    /// Where the rates are dy, for steps of length h; `sizes` are those of the components, and the tolerance
+    /// is in them. None where it cannot be told.
+    pub(crate) fn of(linear: &LinearRates, (sizes, tolerance): (&[f64], f64), dy: &[f64], h: f64) -> Option<Self> {
         let n = linear.count;
         let own = linear.sizes(sizes);
         let mut x: Vec<f64> = (0..n).map(|i| 1.0 + 0.37 * ((i * i) % 5) as f64).collect();
@@ -74,7 +76,7 @@ impl Stiffness {
         lu_solve(&matrix, n, &order, &mut w);
         lu_solve(&matrix, n, &order, &mut w);
         let size = norm(&w);
-        let motion = if size > 0.0 { norm(&times(linear, &own, &w)) / size } else { 0.0 };
+        let motion = if tau * size > tolerance { norm(&times(linear, &own, &w)) / size } else { 0.0 };
         (fastest.is_finite() && motion.is_finite()).then_some(Self { fastest, motion })
     }
 
@@ -138,7 +140,7 @@ mod tests {
     #[test]
     fn the_fastest_rate_is_found_whether_it_swings_or_creeps() {
         for (w, d, expected) in [(1e4, 0.1, 1e4), (1e4, 0.8, 1e4), (1e3, 50.0, 1e5)] {
-            let found = Stiffness::of(&springs(w, d), &[1.0; 4], &[0.0, 0.3, 0.0, -1.0], 1e-4).unwrap();
+            let found = Stiffness::of(&springs(w, d), (&[1.0; 4], 1e-8), &[0.0, 0.3, 0.0, -1.0], 1e-4).unwrap();
             assert!((found.fastest / expected - 1.0).abs() < 0.5, "{w} {d} {found:?}");
             assert!(found.motion > 2.0 && found.motion < 10.0, "{found:?}");
             assert!(found.limits(1e-3) && !found.limits(1e-6));
@@ -147,14 +149,20 @@ mod tests {
 
     #[test]
     fn a_fast_motion_is_not_stiff() {
-        let found = Stiffness::of(&springs(300.0, 0.0), &[1.0; 4], &[1.0, 0.0, 300.0, 0.0], 1e-4).unwrap();
+        let found = Stiffness::of(&springs(300.0, 0.0), (&[1.0; 4], 1e-8), &[1.0, 0.0, 300.0, 0.0], 1e-4).unwrap();
         assert!(!found.limits(0.01) && found.motion > 100.0, "{found:?}");
     }
 
     #[test]
     fn errors_of_what_is_stiff_do_not_count_as_motion() {
         let slopes = [1e-7, 0.3, 1e-2, -1.0];
-        let found = Stiffness::of(&springs(1e5, 5.0), &[1.0; 4], &slopes, 5e-6).unwrap();
+        let found = Stiffness::of(&springs(1e5, 5.0), (&[1.0; 4], 1e-8), &slopes, 5e-6).unwrap();
         assert!(found.motion < 50.0, "{found:?}");
+    }
+
+    #[test]
+    fn what_rests_up_to_rounding_does_not_move() {
+        let found = Stiffness::of(&springs(1e5, 5.0), (&[1.0; 4], 1e-8), &[1e-12, -1e-12, 1e-7, 1e-9], 5e-6).unwrap();
+        assert!(found.motion == 0.0 && found.limits(5e-5), "{found:?}");
     }
 }

@@ -47,6 +47,8 @@ pub(crate) struct Switching {
     /// Whether the implicit one is at work.
     is_stiff: bool,
     sizes: Vec<f64>,
+    /// The tolerance, in these sizes.
+    tolerance: f64,
     linear: LinearRates,
     /// Explicit steps since the last look, and when the next one is due.
     since: u64,
@@ -75,9 +77,10 @@ impl Switching {
             policy,
             name,
             explicit,
-            implicit: Radau::new(dim, options)?,
             is_stiff: false,
             sizes: vec![1.0; dim],
+            tolerance: options.rtol,
+            implicit: Radau::new(dim, options)?,
             linear: LinearRates::default(),
             since: 0,
             due: if policy == Policy::Change { LOOKS } else { ADVISES },
@@ -123,7 +126,7 @@ impl Switching {
         self.looks.jacobians += 1;
         self.looks.evaluations += self.linear.evaluations;
         made.ok()?;
-        Stiffness::of(&self.linear, &self.sizes, now.dy_old, now.next)
+        Stiffness::of(&self.linear, (&self.sizes, self.tolerance), now.dy_old, now.next)
     }
 
     fn note(&mut self, t: f64, to_implicit: bool, found: Stiffness) {
@@ -169,7 +172,10 @@ impl Switching {
         let now = self.implicit.current();
         let made = self.implicit.counters().jacobians;
         if self.known.is_none_or(|(known, _)| known != made) {
-            let found = self.implicit.linear().and_then(|x| Stiffness::of(x, &self.sizes, now.dy_old, now.next));
+            let found = self
+                .implicit
+                .linear()
+                .and_then(|x| Stiffness::of(x, (&self.sizes, self.tolerance), now.dy_old, now.next));
             self.known = found.map(|found| (made, found));
         }
         let Some((_, found)) = self.known else { return };

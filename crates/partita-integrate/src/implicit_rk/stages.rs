@@ -29,8 +29,8 @@ const GAINS: f64 = 0.5;
 pub(super) enum Iterated {
     /// After so many iterations, the last of which changed the stages at this rate; none where one sufficed.
     Found { count: usize, rate: Option<f64> },
-    /// It does not converge, or too slowly.
-    Slow,
+    /// It does not converge, or too slowly, at this rate.
+    Slow { rate: f64 },
 }
 
 /// A step whose stages are sought.
@@ -130,7 +130,7 @@ impl StageSolver {
             self.residual(ode, task, evaluations)?;
             let change = self.change(task);
             if !change.is_finite() {
-                return Ok(Iterated::Slow);
+                return Ok(Iterated::Slow { rate: f64::INFINITY });
             }
             if count > 1 {
                 let now = if last > 0.0 { change / last } else { 0.0 };
@@ -139,7 +139,7 @@ impl StageSolver {
                     return Ok(Iterated::Found { count, rate: Some(now) });
                 }
                 if now >= 1.0 || now.powi((MOST - count) as i32) / (1.0 - now) * change > LEFT {
-                    return Ok(Iterated::Slow);
+                    return Ok(Iterated::Slow { rate: now });
                 }
                 gain = now / (1.0 - now);
                 rate = Some(now);
@@ -151,7 +151,7 @@ impl StageSolver {
             }
             last = change;
         }
-        Ok(Iterated::Slow)
+        Ok(Iterated::Slow { rate: rate.unwrap_or(1.0) })
     }
 
     /// R of the Z at hand.
