@@ -32,6 +32,9 @@ use std::fmt::Display;
 /// Largest lengthening of a step. Unit: ratio of steps. Reason: Hairer and Wanner's; a transient that has died out leaves
 /// steps that may be longer by orders.
 const LARGEST_FACTOR: f64 = 8.0;
+/// A step is not lengthened by less than this. Unit: ratio of steps. Reason: Hairer and Wanner's; the matrices keep their
+/// factors.
+const KEPT_FACTOR: f64 = 1.2;
 /// A matrix is made anew after a step whose last iteration gained less. Unit: ratio of changes. Reason: another iteration
 /// costs three evaluations, about as much as a matrix of few freedoms.
 const RENEWED: f64 = 0.02;
@@ -103,7 +106,13 @@ impl Predictive {
         self.before = Some((h, found.error.max(LEAST_REMEMBERED)));
         let largest = if std::mem::take(&mut self.held) { 1.0 } else { LARGEST_FACTOR };
         let largest = found.rate.map_or(largest, |rate| largest.min(by_rate(rate).max(1.0)));
-        factor.clamp(SMALLEST_FACTOR, largest)
+        let factor = factor.clamp(SMALLEST_FACTOR, largest);
+        // the factors of the matrices are kept
+        if (1.0..KEPT_FACTOR).contains(&factor) {
+            1.0
+        } else {
+            factor
+        }
     }
 
     fn rejected(&mut self, found: Found) -> f64 {

@@ -9,6 +9,40 @@
 
 use crate::system::Derivatives;
 
+/// A matrix without its zeros, row by row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rows {
+    /// End of each row among the entries.
+    ends: Vec<usize>,
+    /// Column and value.
+    entries: Vec<(usize, f64)>,
+}
+
+impl Rows {
+    /// Of a dense matrix with so many columns.
+    pub fn of(dense: &[f64], columns: usize) -> Self {
+        let mut out = Self::default();
+        for row in dense.chunks_exact(columns.max(1)) {
+            out.entries.extend(row.iter().copied().enumerate().filter(|(_, x)| *x != 0.0));
+            out.ends.push(out.entries.len());
+        }
+        out
+    }
+
+    /// The entries of each row.
+    fn iter(&self) -> impl Iterator<Item = &[(usize, f64)]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(from, to)| &self.entries[from..*to])
+    }
+
+    /// `y += M x`.
+    fn add_product(&self, x: &[f64], y: &mut [f64]) {
+        for (y, row) in y.iter_mut().zip(self.iter()) {
+            *y += row.iter().map(|(j, m)| m * x[*j]).sum::<f64>();
+        }
+    }
+}
+
 /// Which changes x are.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Along {
@@ -17,11 +51,11 @@ pub enum Along {
     /// Those that L gives (`lift`, dim x count) and S finds (`select`, count x dim), row by row.
     Tangent {
         /// L.
-        lift: Vec<f64>,
+        lift: Rows,
         /// S.
-        select: Vec<f64>,
+        select: Rows,
         /// B (`count` x dim), or nothing where it is zero.
-        coupling: Vec<f64>,
+        coupling: Rows,
     },
 }
 
@@ -99,8 +133,8 @@ impl LinearRates {
         match &self.along {
             Along::Leading => x.copy_from_slice(&change[..self.count]),
             Along::Tangent { select, .. } => {
-                let rows = select.chunks_exact(change.len().max(1));
-                x.iter_mut().zip(rows).for_each(|(x, row)| *x = row.iter().zip(change).map(|(s, d)| s * d).sum());
+                x.fill(0.0);
+                select.add_product(change, x);
             }
         }
     }
@@ -109,12 +143,7 @@ impl LinearRates {
     pub fn lift(&self, x: &[f64], out: &mut [f64]) {
         match &self.along {
             Along::Leading => out.iter_mut().zip(x).for_each(|(out, x)| *out += x),
-            Along::Tangent { lift, .. } => {
-                let rows = lift.chunks_exact(self.count.max(1));
-                out.iter_mut()
-                    .zip(rows)
-                    .for_each(|(out, row)| *out += row.iter().zip(x).map(|(l, x)| l * x).sum::<f64>());
-            }
+            Along::Tangent { lift, .. } => lift.add_product(x, out),
         }
     }
 
@@ -124,9 +153,8 @@ impl LinearRates {
         match &self.along {
             Along::Leading => sizes.copy_from_slice(&of_y[..self.count]),
             Along::Tangent { select, .. } => {
-                let rows = select.chunks_exact(of_y.len().max(1));
-                let size = |row: &[f64]| row.iter().zip(of_y).map(|(s, y)| s.abs() * y).sum();
-                sizes.iter_mut().zip(rows).for_each(|(to, row)| *to = size(row));
+                let size = |row: &[(usize, f64)]| row.iter().map(|(j, s)| s.abs() * of_y[*j]).sum();
+                sizes.iter_mut().zip(select.iter()).for_each(|(to, row)| *to = size(row));
             }
         }
         sizes
@@ -135,8 +163,7 @@ impl LinearRates {
     /// `x += B e`.
     pub fn couple(&self, e: &[f64], x: &mut [f64]) {
         if let Along::Tangent { coupling, .. } = &self.along {
-            let rows = coupling.chunks_exact(e.len().max(1));
-            x.iter_mut().zip(rows).for_each(|(x, row)| *x += row.iter().zip(e).map(|(b, e)| b * e).sum::<f64>());
+            coupling.add_product(e, x);
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use super::Motion;
 use crate::error::Result;
-use crate::linear_rates::{Along, LinearRates};
+use crate::linear_rates::{Along, LinearRates, Rows};
 use crate::positions::Positions;
 use crate::reduction::Reduction;
 use crate::system::{At, Changes, ConstrainedSystem, Directions};
@@ -174,6 +174,7 @@ fn vary<S: ConstrainedSystem>(
         }
     }
     debug_assert_eq!(w, p + k);
-    out.along = Along::Tangent { lift, select, coupling };
+    out.along =
+        Along::Tangent { lift: Rows::of(&lift, m), select: Rows::of(&select, dim), coupling: Rows::of(&coupling, dim) };
     Ok(())
 }
