@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -99,3 +100,21 @@ def drawn_out(flywheel: float = 0.0, gravity: float = G) -> pt.Mechanism:
 def stroke(angle: Array, crank: float = 0.1, rod: float = 0.3) -> Array:
     """Where the slider is."""
     return crank * np.cos(angle) + np.sqrt(rod**2 - (crank * np.sin(angle)) ** 2)
+
+
+def bushing_wishbone(stiffness: float = 1e8, damping: float = 1e4) -> pt.Mechanism:
+    """Two arms on bushings [N/m, N s/m], an upright between them, a strut and a tyre."""
+    m = pt.Mechanism("wishbone", gravity=(0, -9.81, 0))
+    lower = m.add_rod("lower", start=(0.35, 0.25, 0), end=(0.75, 0.22, 0), mass=3.0)
+    upper = m.add_rod("upper", start=(0.42, 0.50, 0), end=(0.72, 0.52, 0), mass=2.0)
+    upright = m.add_body("upright", mass=35.0, inertia=(0.8, 0.8, 0.8), position=(0.78, 0.33, 0))
+    m.add_planar("plane", m.ground, lower, (0.35, 0.25, 0), normal=(0, 0, 1))
+    m.add_revolute("B", lower, upright, point=(0.75, 0.22, 0))
+    m.add_revolute("C", upright, upper, point=(0.72, 0.52, 0))
+    stiff, damped = (stiffness, stiffness, 0, 0, 0, 0), (damping, damping, 0, 0, 0, 0)
+    m.add_bushing("front", m.ground, lower, (0.35, 0.25, 0), stiffness=stiff, damping=damped)
+    m.add_bushing("rear", m.ground, upper, (0.42, 0.50, 0), stiffness=stiff, damping=damped)
+    seat = (0.75 * math.hypot(0.4, 0.03), 0, 0)
+    m.add_spring("strut", m.ground, (0.45, 0.8, 0), lower, seat, stiffness=60e3, damping=3e3, length=0.64)
+    m.add_spring("tyre", m.ground, (0.78, -0.47, 0), upright, (0, -0.3, 0), stiffness=200e3, damping=200.0, length=0.52)
+    return m

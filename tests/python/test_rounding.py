@@ -6,9 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from drawings import four_bar
-
-import partita as pt
+from drawings import bushing_wishbone, four_bar
 
 # At 0.002 s and 0.05 s, by Runge-Kutta steps in 128 bits: x, y and turn of the upright, and its upward velocity.
 RIGHT = {
@@ -17,31 +15,13 @@ RIGHT = {
 }
 
 
-def wishbone() -> pt.Mechanism:
-    """Two arms on bushings of 1e8 N/m, an upright between them, a strut and a tyre."""
-    m = pt.Mechanism("wishbone", gravity=(0, -9.81, 0))
-    lower = m.add_rod("lower", start=(0.35, 0.25, 0), end=(0.75, 0.22, 0), mass=3.0)
-    upper = m.add_rod("upper", start=(0.42, 0.50, 0), end=(0.72, 0.52, 0), mass=2.0)
-    upright = m.add_body("upright", mass=35.0, inertia=(0.8, 0.8, 0.8), position=(0.78, 0.33, 0))
-    m.add_planar("plane", m.ground, lower, (0.35, 0.25, 0), normal=(0, 0, 1))
-    m.add_revolute("B", lower, upright, point=(0.75, 0.22, 0))
-    m.add_revolute("C", upright, upper, point=(0.72, 0.52, 0))
-    stiff, damped = (1e8, 1e8, 0, 0, 0, 0), (1e4, 1e4, 0, 0, 0, 0)
-    m.add_bushing("front", m.ground, lower, (0.35, 0.25, 0), stiffness=stiff, damping=damped)
-    m.add_bushing("rear", m.ground, upper, (0.42, 0.50, 0), stiffness=stiff, damping=damped)
-    seat = (0.75 * math.hypot(0.4, 0.03), 0, 0)
-    m.add_spring("strut", m.ground, (0.45, 0.8, 0), lower, seat, stiffness=60e3, damping=3e3, length=0.64)
-    m.add_spring("tyre", m.ground, (0.78, -0.47, 0), upright, (0, -0.3, 0), stiffness=200e3, damping=200.0, length=0.52)
-    return m
-
-
 @pytest.mark.parametrize("coordinates", ["relative", "absolute"])
 @pytest.mark.parametrize("method", ["dop853", "tsit5"])
 @pytest.mark.parametrize(("begin", "rtol"), [(0.0, 1e-12), (0.0, 1e-13), (-3.0, 1e-12)])
 def test_steps_are_as_exact_as_they_can_be_and_no_shorter(
     begin: float, rtol: float, method: str, coordinates: str
 ) -> None:
-    m = wishbone()
+    m = bushing_wishbone()
     start = m.assemble(t=begin, coordinates=coordinates)
     times = begin + np.array([0.0, *RIGHT])
     run = m.simulate(
@@ -60,7 +40,7 @@ def test_steps_are_as_exact_as_they_can_be_and_no_shorter(
 
 @pytest.mark.parametrize("stiff", [True, False])
 def test_tolerances_that_can_be_met_are_met_without_it(stiff: bool) -> None:
-    m, rtol = (wishbone(), 1e-8) if stiff else (four_bar(((0, 0), (0.4, 0.1), (1.2, 0.8), (1.1, 0))), 1e-12)
+    m, rtol = (bushing_wishbone(), 1e-8) if stiff else (four_bar(((0, 0), (0.4, 0.1), (1.2, 0.8), (1.1, 0))), 1e-12)
     run = m.simulate(0.05 if stiff else 1.0, rtol=rtol, atol=rtol / 100)
     assert run.success and run.counters["by_rounding"] == 0
     assert not any("rounding of the accelerations" in note for note in run.notes)
