@@ -125,7 +125,7 @@ def striker(stop: bool = True) -> pt.Mechanism:
 
 
 def falls_for(angle: float) -> float:
-    """Time after which a pendulum that falls from the horizontal, nearly as rigid as the spring, is at an angle below that.
+    """Time after which a pendulum that falls from the horizontal, as rigid as the spring nearly, is at an angle below.
 
     By its energy, and a quadrature that removes the root at the start.
     """
