@@ -148,6 +148,8 @@ def test_impacts_rest_and_locks_within_stiff_runs(method: str, coordinates: str)
     # it comes to rest on the stop, and does not creep there by thousands of steps
     assert run.joint("A").position[-1] == pytest.approx(-1.0, abs=1e-9)
     assert run.counters["evaluations"] < 60_000
+    # what happens in every segment is told twice
+    assert len([note for note in run.notes if "changes to radau" in note]) <= 2
     caught = m.simulate(
         1.0,
         method=method,
@@ -206,3 +208,11 @@ def test_energy_is_accounted_for() -> None:
     assert run.success
     assert run.energy.work[-1] < -1.0
     assert abs(run.energy.relative_balance) < 1e-6
+
+
+def test_members_of_ensembles_with_stiff_forces_run_one_by_one() -> None:
+    m, times = bushing_wishbone(1e10, 1e6), np.linspace(0, 0.01, 3)
+    found = m.ensemble(parameters={"upright.mass": np.linspace(30, 40, 40)}, t_eval=times)
+    assert any("stiff forces" in note for note in found.notes)
+    run = m.simulate(0.01, t_eval=times, parameters={"upright.mass": 40.0}, method="radau", rtol=1e-10, atol=1e-12)
+    assert found.q[-1] == pytest.approx(run.q, abs=1e-8)

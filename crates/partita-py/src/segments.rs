@@ -233,6 +233,42 @@ pub fn run<'py>(
     reported_segments(py, model, found, cause)
 }
 
+/// Notes that differ in their numbers alone are told this often. Unit: number. Reason: what happens in every segment is read
+/// once.
+const TOLD: usize = 2;
+
+/// The notes of segments, each once.
+fn gathered<'n>(notes: impl Iterator<Item = &'n String>) -> Vec<String> {
+    let without_numbers = |note: &str| note.replace(|c: char| c.is_ascii_digit() || c == '.' || c == '-', "");
+    let (mut out, mut alike): (Vec<String>, Vec<(String, usize)>) = (Vec::new(), Vec::new());
+    for note in notes {
+        if out.contains(note) {
+            continue;
+        }
+        let form = without_numbers(note);
+        let count = match alike.iter_mut().find(|(known, _)| *known == form) {
+            Some((_, count)) => {
+                *count += 1;
+                *count
+            }
+            None => {
+                alike.push((form, 1));
+                1
+            }
+        };
+        if count <= TOLD {
+            out.push(note.clone());
+        }
+    }
+    for (form, count) in alike.into_iter().filter(|(_, count)| *count > TOLD) {
+        let last = out.iter().rposition(|note| without_numbers(note) == form);
+        if let Some(note) = last.and_then(|at| out.get_mut(at)) {
+            note.push_str(&format!(" (and likewise {} times more, in other segments)", count - TOLD));
+        }
+    }
+    out
+}
+
 /// What segments report, as `run` does.
 pub fn reported_segments<'py>(
     py: Python<'py>,
@@ -241,12 +277,7 @@ pub fn reported_segments<'py>(
     cause: Option<PyErr>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let Segments { all, happenings, outcome } = found;
-    let mut notes: Vec<String> = Vec::new();
-    for note in all.iter().flat_map(|segment| &segment.run.notes) {
-        if !notes.contains(note) {
-            notes.push(note.clone());
-        }
-    }
+    let notes = gathered(all.iter().flat_map(|segment| &segment.run.notes));
     let findings: Vec<Finding> = all.iter().flat_map(|segment| segment.run.findings.clone()).collect();
     let (mut counters, mut work) = (Counters::default(), FormulationCounters::default());
     let (mut open, mut gaps, mut exchanged) = ((0.0f64, 0.0f64), Gaps::default(), 0.0);

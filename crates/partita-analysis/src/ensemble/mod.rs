@@ -17,6 +17,7 @@ use crate::outputs::{tables_on, Rows, Watch};
 use crate::poses;
 use crate::run::{self, Request};
 use engine::{Engine, Engines};
+use partita_integrate::method::{Method as _, AUTO};
 use partita_integrate::simulate::Status;
 use partita_math::sorting::sort_by_key;
 use partita_math::tolerance;
@@ -156,7 +157,10 @@ impl Members<'_> {
                 false => ControlFlow::Continue(()),
             }
         };
-        run::run(m, self.request, None, t_eval, (&q, v), &mut watch)
+        // the steps of lanes, unless stiff forces limit them
+        let usual = self.request.method == Request::over(0.0, 0.0).method;
+        let method = if usual { AUTO.name().to_string() } else { self.request.method.clone() };
+        run::run(m, &Request { method, ..self.request.clone() }, None, t_eval, (&q, v), &mut watch)
     }
 }
 
@@ -302,6 +306,9 @@ fn scouted(model: &Model, what: &Members) -> Result<(usize, Vec<Scouted>), Strin
         match what.ordinary(model, i, &times) {
             Ok(run) => {
                 rank = rank.or(Some(run.log.recipe.rank));
+                if run.outcome.counters.factored > 0 {
+                    return Err("stiff forces, which an implicit method follows".into());
+                }
                 for x in run.log.outputs.iter().filter(|x| !x.singular) {
                     if let Some(event) = run.log.events.get(x.choice) {
                         found.push(Scouted { t: x.t, q: x.q.clone(), independent: event.independent.clone() });
