@@ -11,7 +11,7 @@ from mesh_files import tetrahedra
 import partita as pt
 from partita import viewer
 from partita.errors import ArgumentError, FileFormatError, MissingFileError, UnknownNameError
-from partita.viewer.meshes import simplified
+from partita.shapes.triangles import simplified
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from ..naming import index_of
 from ..numeric import shown
 from ..shapes import Shape, drawn
 from ..tolerance import EQUAL_IN_SIX_DIGITS
-from .meshes import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
+from ..shapes.triangles import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
 
 FloatArray = NDArray[np.float64]
 

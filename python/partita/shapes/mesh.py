@@ -1,0 +1,155 @@
+"""Closed meshes out of files: the polyhedron that their triangles enclose."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ChangedFileWarning, FileFormatError
+from ..files import place
+from ..tolerance import SINGLE
+from ..units import Quantity
+from . import given
+from .shape import Array, Moments, Shape, Skin
+from .surface import Surface, components, enclosed, far, moments_of, open_edges, welded
+from .triangles import load
+
+AT_ONCE = 400_000
+"""Pairs of points and triangles that are looked at together."""
+
+
+@dataclass(frozen=True)
+class Mesh(Shape):
+    """The solid inside a closed mesh of a file: STL, OBJ, glTF, or COLLADA; its origin and axes are those of the file.
+
+    `scale` is the length of one unit of the file, "1 mm" for most files of CAD programs; glTF and COLLADA are in
+    metres. The mesh is checked for being closed, its triangles for being in order around the outward normal; one
+    inside out as a whole is turned. Volume, centroid and inertia are exact for the polyhedron. What its parts have in
+    common counts twice. Two meshes are equal where their files and scales are. `sha256` is that of the file as it was;
+    where it has changed a `ChangedFileWarning` says so. The extra "meshes" reads it, COLLADA needs "collada".
+
+    Raises `FileFormatError` for a mesh that is open or encloses nothing, with the number of open edges and what to
+    try; `MissingFileError`, `ArgumentError` for another kind of file, and `DescriptionError` for a scale that is not
+    positive.
+
+    >>> import partita as pt
+    >>> from pathlib import Path
+    >>> faces = ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]                    # of a tetrahedron
+    >>> corners = ["0 0 0", "30 0 0", "0 20 0", "0 0 10"]
+    >>> lines = [f"v {x}" for x in corners] + [f"f {x}" for x in faces]
+    >>> _ = Path("part.obj").write_text("\\n".join(lines))
+    >>> part = pt.shapes.Mesh("part.obj", scale="1 mm")
+    >>> print(f"{part.volume * 1e9:.9f} mm^3")
+    1000.000000000 mm^3
+    """
+
+    word: ClassVar[str] = "mesh"
+    file: str = field(compare=False)
+    scale: float = 1.0
+    sha256: str | None = field(default=None, repr=False)
+
+    if TYPE_CHECKING:
+        where: Path
+        _surface: Surface
+
+        def __init__(
+            self, file: str | os.PathLike[str], scale: Quantity = 1.0, sha256: str | None = None
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        where = place(self.file, "file")
+        scale = given.length("Mesh", "scale", self.scale)
+        points, faces, digest = load(where, "file")
+        if self.sha256 not in (None, digest):
+            warnings.warn(
+                f'the mesh "{where}" has changed since the model was saved (its SHA-256 is another one): mass, centre '
+                "of mass and inertia are those of the present mesh; save the model again to keep them",
+                ChangedFileWarning,
+                stacklevel=4,
+            )
+        for word, value in (
+            ("file", os.fspath(self.file)),
+            ("scale", scale),
+            ("sha256", digest),
+            ("where", where.absolute()),
+            ("_surface", _closed(where, scale * points, faces)),
+        ):
+            object.__setattr__(self, word, value)
+
+    def _moments(self) -> Moments:
+        return Moments(*moments_of(self._surface))
+
+    def _skin(self) -> Skin:
+        return Skin(*self._surface)
+
+    @property
+    def samples(self) -> Array:  # type: ignore[override]
+        """Points (n, 3) on the surface: corners and middles of edges."""
+        points, faces = self._surface
+        return np.concatenate([points, 0.5 * (points[faces] + points[np.roll(faces, -1, axis=1)]).reshape(-1, 3)])
+
+    def contains(self, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
+        """Whether points (n, 3) lie inside, or outside by less than `margin` [m]."""
+        step = max(1, AT_ONCE // len(self._surface.faces))
+        found = [self._deep(points[k : k + step]) for k in range(0, len(points), step)]
+        return np.concatenate([*found, np.zeros(0)]) >= -margin
+
+    def _deep(self, points: Array) -> Array:
+        """Distance from the surface, positive inside."""
+        return np.where(enclosed(points, self._surface), 1.0, -1.0) * far(points, self._surface)
+
+
+def _closed(where: Path, points: Array, faces: NDArray[np.int_]) -> Surface:
+    """The surface, of which each edge has a triangle on both sides that runs the other way, outwards."""
+
+    def refuse(sentence: str) -> None:
+        raise FileFormatError(f'the mesh "{where}" {sentence}', path=str(where), line=None)
+
+    extent = float(np.ptp(points, axis=0).max())
+    if not extent > 0.0:
+        refuse("encloses nothing: all its corners are in one place")
+    surface = welded(points, faces, 0.0)
+    if sum(open_edges(surface.faces)):
+        surface = welded(points, faces, SINGLE * extent)  # corners that single precision rounded apart
+    ends, turned = open_edges(surface.faces)
+    if ends:
+        refuse(
+            f"is not closed: {ends} of its edges have no triangle on the other side, so it encloses no volume. Export "
+            "the part as a solid body, not as a surface, with a finer tolerance; or close its holes in MeshLab (Close "
+            "Holes) or Blender (3D Print Toolbox, Make Manifold); or give add_body the mass and inertia of the CAD "
+            "program"
+        )
+    if turned:
+        refuse(
+            f"has triangles that face both ways: at {turned} of its edges the two beside run in the same direction, so "
+            "inside and outside are not told apart. Recalculate its normals outwards in Blender (Mesh, Normals) or "
+            "MeshLab (Re-Orient all faces coherently), and export it again"
+        )
+    volume = moments_of(surface)[0]
+    if abs(volume) <= SINGLE * extent**3 * SINGLE:
+        refuse("encloses no volume: it is flat; give a sheet a thickness before it is exported")
+    if volume < 0.0:
+        surface = Surface(surface.points, surface.faces[:, ::-1])
+    parts = components(surface)
+    boxes = [(own.points[own.faces].min(axis=(0, 1)), own.points[own.faces].max(axis=(0, 1))) for own in parts]
+    solid = [moments_of(own)[0] > 0.0 for own in parts]
+    lost = [
+        not any(
+            other and (low <= boxes[i][0]).all() and (high >= boxes[i][1]).all()
+            for other, (low, high) in zip(solid, boxes, strict=True)
+        )
+        for i in range(len(parts))
+        if not solid[i]
+    ]
+    if any(lost):
+        refuse(
+            f"has {sum(lost)} of its {len(parts)} parts inside out, and not as hollows in others. Recalculate its "
+            "normals outwards in Blender (Mesh, Normals), and export it again"
+        )
+    return surface
