@@ -32,7 +32,7 @@ class Mesh(Shape):
     metres. The mesh is checked for being closed, its triangles for being in order around the outward normal; one
     inside out as a whole is turned. Volume, centroid and inertia are exact for the polyhedron. What its parts have in
     common counts twice. Two meshes are equal where their files and scales are. `sha256` is that of the file as it was;
-    where it has changed a `ChangedFileWarning` says so. The extra "meshes" reads it, COLLADA needs "collada".
+    where it has changed a `ChangedFileWarning` says so. Needs the extra "meshes".
 
     Raises `FileFormatError` for a mesh that is open or encloses nothing, with the number of open edges and what to
     try; `MissingFileError`, `ArgumentError` for another kind of file, and `DescriptionError` for a scale that is not

@@ -35,7 +35,7 @@ def load(path: str | os.PathLike[str], argument: str = "shapes") -> tuple[FloatA
     Nothing but the file is read, and of glTF with its data beside it those files of the same folder and below.
 
     Raises `MissingFileError` for a file that is not there, `FileFormatError` for one that holds no mesh,
-    `ArgumentError` for another ending, `MissingDependencyError` without `trimesh`, or for COLLADA without `pycollada`.
+    `ArgumentError` for another ending, `MissingDependencyError` without `trimesh`, for COLLADA without `pycollada`.
     """
     where = Path(path)
     ending = where.suffix.lower()
@@ -95,7 +95,7 @@ def _resolver(trimesh: Any, folder: Path, kept: Any) -> Any:
 
 def _collada(where: Path, content: bytes, kept: Any) -> tuple[FloatArray, Faces]:
     """The triangles of the scene in metres, its axes as they are: URDF and SDFormat take no notice of `up_axis`."""
-    collada = extra("collada", "collada", "reading COLLADA")
+    collada = extra("collada", "meshes", "reading COLLADA")
     _plain_xml(where, content)
     broken = [collada.DaeError]  # what else is in the file, its materials and images, may be broken
     document = collada.Collada(io.BytesIO(content), ignore=broken)

@@ -31,6 +31,8 @@ SOLIDS: dict[str, dict[str, Any]] = {
     "rod": {"start": None, "end": None},
     "mesh": {"file": None, "scale": (1.0, 1.0, 1.0), "center": ORIGIN, "axes": UPRIGHT},
 }
+TRIANGLES: dict[str, Any] = {"points": None, "faces": None, "scale": (1.0, 1.0, 1.0), "center": ORIGIN, "axes": UPRIGHT}
+"""Words of a mesh that is given itself."""
 
 
 def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]]:
@@ -45,8 +47,27 @@ def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]
         if not several:
             _fail("shapes", f"of {name!r} is empty: leave the body out, or give a shape")
         found[_body(name, bodies)] = [part for one in several for part in _parts(name, one)]
-    _load_meshes([part for parts in found.values() for part in parts if "file" in part])
+    _load_meshes([part for parts in found.values() for part in parts if "file" in part or "scale" in part])
     return found
+
+
+def stored(parts: Any) -> list[dict[str, Any]]:
+    """Solids as `form` made them, out of a stored run; files are not opened. Raises `ValueError` for others."""
+    if not isinstance(parts, list) or not all(isinstance(part, Mapping) and "file" not in part for part in parts):
+        raise ValueError("a body is drawn as a list of solids, none of them in a file")
+    try:
+        found = [_solid("a body", {word: value for word, value in part.items() if word not in KEPT}) for part in parts]
+    except ArgumentError as error:
+        raise ValueError(error.message) from error
+    _load_meshes([part for part in found if part["kind"] == "mesh"])
+    for part, given in zip(found, parts, strict=True):
+        if part["kind"] == "mesh":
+            part["closed"] = given.get("closed") is True and part["of"] == len(part["faces"]) // 3
+    return found
+
+
+KEPT = ("of", "closed")
+"""Of a mesh that is drawn: of how many triangles, and whether none is seen from behind."""
 
 
 def _parts(name: Any, given: Any) -> list[dict[str, Any]]:
@@ -58,7 +79,7 @@ def form(shape: Shape) -> list[dict[str, Any]]:
     """The solids of a shape, with no more triangles than a page can draw."""
     found = drawn(shape)
     for part in found:
-        if part["kind"] == "mesh" and part["of"] > MOST_TRIANGLES:
+        if part["kind"] == "mesh" and len(part["faces"]) > 3 * MOST_TRIANGLES:
             points, faces = np.reshape(part["points"], (-1, 3)), np.reshape(part["faces"], (-1, 3))
             corners, triangles = simplified(points, faces, MOST_TRIANGLES)
             part |= {"points": corners.ravel().tolist(), "faces": triangles.ravel().tolist(), "closed": False}
@@ -67,7 +88,7 @@ def form(shape: Shape) -> list[dict[str, Any]]:
 
 def _load_meshes(parts: list[dict[str, Any]]) -> None:
     """Replace the names of mesh files by vertices and triangles, reduced if there are too many to draw in total."""
-    whole = [load(part.pop("file")) for part in parts]
+    whole = [load(part.pop("file"))[:2] if "file" in part else (part["points"], part["faces"]) for part in parts]
     left, most = MOST_TRIANGLES, {}
     for count, n in enumerate(sorted(range(len(whole)), key=lambda n: len(whole[n][1]))):
         # triangles that small meshes do not need are left to large ones
@@ -115,7 +136,7 @@ def _solid(name: Any, given: Any) -> dict[str, Any]:
             f'{of} must be a value of partita.shapes, or {{"kind": ...}} with one of {", ".join(SOLIDS)}, not '
             f"{shown(given)}",
         )
-    words = SOLIDS[given["kind"]]
+    words = TRIANGLES if given["kind"] == "mesh" and "points" in given else SOLIDS[given["kind"]]
     unknown = [str(word) for word in given if word != "kind" and word not in words]
     if unknown:
         _fail("shapes", f"{of}: {', '.join(unknown)} is no word of a {given['kind']}; known: {', '.join(words)}")
@@ -138,7 +159,9 @@ def _solid(name: Any, given: Any) -> dict[str, Any]:
         elif word == "axes":
             found[word] = _axes(what, value)
         elif word == "points":
-            found[word] = _ring(what, value)
+            found[word] = _corners(what, value) if given["kind"] == "mesh" else _ring(what, value)
+        elif word == "faces":
+            found[word] = _triangles(what, value, len(found["points"]))
         else:
             found[word] = _vector("shapes", what, value)
     if given["kind"] == "box" and min(found["size"]) <= 0.0:
@@ -191,6 +214,24 @@ def _ring(what: str, value: Any) -> list[list[float]]:
     if array.ndim != 2 or array.shape[1] != 3 or len(array) < 3 or not np.isfinite(array).all():
         _fail("shapes", f"{what} must be three or more points of three finite numbers, around the plate")
     return [[float(x) for x in point] for point in array]
+
+
+def _corners(what: str, value: Any) -> FloatArray:
+    """Of a mesh: (n, 3), or one number after the other."""
+    array = _numbers(value)
+    array = array.reshape(-1, 3) if array.ndim == 1 and len(array) % 3 == 0 else array
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 3 or not np.isfinite(array).all():
+        _fail("shapes", f"{what} must be three or more points of three finite numbers")
+    return array
+
+
+def _triangles(what: str, value: Any, count: int) -> NDArray[np.int_]:
+    """Of a mesh with so many points: (m, 3), or one number after the other."""
+    array = _numbers(value)
+    array = array.reshape(-1, 3) if array.ndim == 1 and len(array) % 3 == 0 else array
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 1 or not ((array >= 0) & (array < count)).all():
+        _fail("shapes", f"{what} must be triangles, each of three numbers of points, from 0 to {count - 1}")
+    return array.astype(int)
 
 
 def _fail(argument: str, why: str) -> NoReturn:

@@ -15,7 +15,7 @@ from ..tolerance import EQUAL_IN_SIX_DIGITS, LEAST_DIVISOR, NEGLIGIBLE
 from .couplings import Pictures, pictures
 from .curves import curves, efforts, loads_open
 from .geometry import outline, plane_normal, solid_of, view
-from .hints import form
+from .hints import form, stored
 from .motion import Motion, motion_of
 from .packing import pack_tables
 from .slim import slim
@@ -392,7 +392,7 @@ def _solids(
     for i, body in enumerate(bodies):
         shape = drawn.get(body["name"], {}).get("shape") or {}
         if shape.get("kind") == "solid":
-            found[i] = form(shape_of(shape["form"]))
+            found[i] = stored(shape["drawn"]) if "drawn" in shape else form(shape_of(shape["form"]))
     wheels = {wheel["body"] for wheel in coupled.wheels if not wheel["ring"]}
     wheels |= {joint["child"] for joint in joints if joint["rail"] is not None}  # a slide is drawn as a block
     wheels |= {line["body"] for line in coupled.lines if line["look"] == "cam"}
