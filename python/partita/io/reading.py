@@ -139,7 +139,7 @@ class Reading:
         return "\n".join(parts)
 
     def to_dict(self) -> dict[str, object]:
-        """All of it, ready for JSON.
+        """All of it, ready for JSON; of meshes without a file the numbers of points and triangles.
 
         >>> from pathlib import Path
         >>> from partita.io.reading import Reading, Remark
@@ -150,5 +150,10 @@ class Reading:
             "path": str(self.path),
             "kind": self.kind,
             "remarks": [group.to_dict() for group in self.remarks],
-            "shapes": self.shapes,
+            "shapes": {name: [_plain(shape) for shape in shapes] for name, shapes in self.shapes.items()},
         }
+
+
+def _plain(shape: dict[str, Any]) -> dict[str, Any]:
+    """Of a mesh that is given itself the numbers of its points and triangles."""
+    return {word: len(value) if word in ("points", "faces") else value for word, value in shape.items()}
