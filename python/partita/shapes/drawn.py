@@ -152,8 +152,8 @@ def _taken(part: Part, holes: list[Part]) -> list[_Prism]:
             continue
         ends = []
         for z in (taken.low, taken.high):
-            flat = np.full((len(taken.outline), 1), z)
-            ends.append(part.back(hole.placed(np.hstack([taken.outline, flat]))))
+            level = np.full((len(taken.outline), 1), z)
+            ends.append(part.back(hole.placed(np.hstack([taken.outline, level]))))
         low, high = sorted(float(end[0, 2]) for end in ends)
         low = whole.low if abs(low - whole.low) <= margin else low
         high = whole.high if abs(high - whole.high) <= margin else high

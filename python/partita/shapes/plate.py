@@ -107,7 +107,8 @@ def in_prism(
     points: Array, outline: Any, holes: tuple[Any, ...], thickness: float, margin: float
 ) -> NDArray[np.bool_]:
     """Whether points (n, 3) lie inside it, or outside by less than `margin`."""
-    found = np.abs(points[:, 2]) <= 0.5 * thickness + margin
+    half = 0.5 * thickness
+    found = np.abs(points[:, 2]) <= half + margin
     found &= _depth(points[:, :2], outline) >= -margin
     for hole in holes:
         found &= _depth(points[:, :2], hole) <= margin

@@ -13,6 +13,11 @@ Array = NDArray[np.float64]
 Faces = NDArray[np.int_]
 
 
+HALF_SPHERE = 2.0 * float(np.pi)
+"""A surface seen under a larger solid angle is all around. Scale: steradian. Reason: it is 4 pi from inside and 0 from
+outside."""
+
+
 class Surface(NamedTuple):
     """Corners (n, 3), and triangles (m, 3) in order around the outward normal."""
 
@@ -98,7 +103,7 @@ def enclosed(at: Array, surface: Surface) -> NDArray[np.bool_]:
     volume = np.einsum("kni,kni->kn", a, np.cross(b, c))
     ab, bc, ca = (np.einsum("kni,kni->kn", x, y) for x, y in ((a, b), (b, c), (c, a)))
     angle = 2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum(axis=1)
-    return np.asarray(angle > 2.0 * np.pi)
+    return np.asarray(angle > HALF_SPHERE)
 
 
 def far(at: Array, surface: Surface) -> Array:
@@ -106,10 +111,10 @@ def far(at: Array, surface: Surface) -> Array:
     corners = [surface.points[surface.faces[:, k]] for k in range(3)]
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     size = np.linalg.norm(normal, axis=1)
-    flat = size <= EQUAL * np.max(size, initial=0.0)
-    normal = normal / np.where(flat, 1.0, size)[:, None]
+    thin = size <= EQUAL * np.max(size, initial=0.0)
+    normal = normal / np.where(thin, 1.0, size)[:, None]
     above = np.einsum("kni,ni->kn", at[:, None] - corners[0][None], normal)
-    beside = np.broadcast_to(flat, above.shape).copy()
+    beside = np.broadcast_to(thin, above.shape).copy()
     least = np.full(len(at), np.inf)
     for k in range(3):
         start, along = corners[k], corners[(k + 1) % 3] - corners[k]

@@ -97,8 +97,8 @@ def _collada(where: Path, content: bytes, kept: Any) -> tuple[FloatArray, Faces]
     """The triangles of the scene in metres, its axes as they are: URDF and SDFormat take no notice of `up_axis`."""
     collada = extra("collada", "meshes", "reading COLLADA")
     _plain_xml(where, content)
-    broken = [collada.DaeError]  # what else is in the file, its materials and images, may be broken
-    document = collada.Collada(io.BytesIO(content), ignore=broken)
+    # what else is in the file, its materials and images, decides nothing
+    document = collada.Collada(io.BytesIO(content), ignore=[collada.DaeError])
     if document.scene is None:
         raise FileFormatError(f'the mesh "{where}" has no scene', path=str(where))
     points, faces, count = [], [], 0
