@@ -26,13 +26,15 @@ AT_ONCE = 400_000
 
 @dataclass(frozen=True)
 class Mesh(Shape):
-    """The solid inside a closed mesh of a file: STL, OBJ, glTF, or COLLADA; its origin and axes are those of the file.
+    """The solid inside a closed mesh of a file: STL, OBJ, glTF, COLLADA or STEP; its origin and axes are those of the
+    file.
 
-    `scale` is the length of one unit of the file, "1 mm" for most files of CAD programs; glTF and COLLADA are in
-    metres. The mesh is checked for being closed, its triangles for being in order around the outward normal; one
+    `scale` is the length of one unit of the file: "1 mm" for most STL files, 1 for glTF, COLLADA and STEP, which are in
+    metres here. Curved faces of STEP become triangles that turn by 0.03 rad: masses are right to four digits. The mesh is checked for being closed, its triangles for being in order around the outward normal; one
     inside out as a whole is turned. Volume, centroid and inertia are exact for the polyhedron. What its parts have in
     common counts twice. Two meshes are equal where their files and scales are. `sha256` is that of the file as it was;
-    where it has changed a `ChangedFileWarning` says so. Needs the extra "meshes".
+    where it has changed a `ChangedFileWarning` says so. Needs the extra "meshes", for
+    STEP "step".
 
     Raises `FileFormatError` for a mesh that is open or encloses nothing, with the number of open edges and what to
     try; `MissingFileError`, `ArgumentError` for another kind of file, and `DescriptionError` for a scale that is not

@@ -1,4 +1,4 @@
-"""Triangles of STL, OBJ, glTF and COLLADA files, reduced to as many as a page can draw."""
+"""Triangles of STL, OBJ, glTF, COLLADA and STEP files, reduced to as many as a page can draw."""
 
 from __future__ import annotations
 
@@ -21,32 +21,37 @@ from ..tolerance import SINGLE
 FloatArray = NDArray[np.float64]
 Faces = NDArray[np.int_]
 
-ENDINGS = (".stl", ".obj", ".glb", ".gltf", ".dae")
-_CAD = (".step", ".stp", ".iges", ".igs", ".sldprt", ".ipt", ".catpart", ".prt", ".fcstd", ".x_t", ".x_b", ".3dm")
-"""Files of CAD programs, whose surfaces are no triangles."""
+ENDINGS = (".stl", ".obj", ".glb", ".gltf", ".dae", ".step", ".stp")
+_CAD = (".iges", ".igs", ".sldprt", ".ipt", ".catpart", ".prt", ".fcstd", ".x_t", ".x_b", ".3dm")
+"""Other files of CAD programs, whose surfaces are no triangles."""
+_TURN = 0.03
+"""Triangles on curved faces of STEP turn by this from one to the next [rad]: the volume of a shaft is right to 4e-5."""
+_SAG = 1e-3
+"""They deviate from edges by this fraction of their length."""
 MOST_TRIANGLES = 6000
 """For all meshes of a page together: the number a browser can draw between two frames without a graphics card."""
 FEWEST_TRIANGLES = 200
 
 def load(path: str | os.PathLike[str], argument: str = "shapes") -> tuple[FloatArray, Faces, str]:
     """Vertices (n, 3) and triangles (m, 3) of a mesh file as it has them, all parts in their positions, in units of the
-    file, those of COLLADA in metres; and the SHA-256 of what was read.
+    file, those of COLLADA and STEP in metres; and the SHA-256 of what was read.
 
     Nothing but the file is read, and of glTF with its data beside it those files of the same folder and below.
 
     Raises `MissingFileError` for a file that is not there, `FileFormatError` for one that holds no mesh,
-    `ArgumentError` for another ending, `MissingDependencyError` without `trimesh`, for COLLADA without `pycollada`.
+    `ArgumentError` for another ending, `MissingDependencyError` without `trimesh`, for COLLADA without `pycollada`,
+    for STEP without `cascadio`.
     """
     where = Path(path)
     ending = where.suffix.lower()
     if ending not in ENDINGS:
         about = f'the mesh "{where}" must end in one of {", ".join(ENDINGS)}'
         if ending in _CAD:
-            about += f"; {ending} has surfaces of a CAD program: export the part as STL there"
+            about += f"; {ending} has surfaces of a CAD program: export the part as STEP or STL there"
         raise ArgumentError(about, argument=argument)
     content = get(where, "mesh_bytes")
     kept = hashlib.sha256(content)
-    read = _collada if ending == ".dae" else _by_trimesh
+    read = {".dae": _collada, ".step": _step, ".stp": _step}.get(ending, _by_trimesh)
     try:
         points, faces = read(where, content, kept)
     except (PartitaError, MemoryError):
@@ -91,6 +96,15 @@ def _resolver(trimesh: Any, folder: Path, kept: Any) -> Any:
             raise FileFormatError(f'"{name}" is not written: only the mesh itself is read', path=name)
 
     return Beside()
+
+
+def _step(where: Path, content: bytes, kept: Any) -> tuple[FloatArray, Faces]:
+    """The solids of a STEP file in metres; OpenCASCADE makes triangles of them, and names no other file."""
+    cascadio = extra("cascadio", "step", "reading STEP")
+    made = cascadio.to_glb_bytes(content, tol_linear=_SAG, tol_angular=_TURN, tol_relative=True)
+    if not made:
+        raise FileFormatError(f'the file "{where}" is not STEP, or contains no solid', path=str(where))
+    return _by_trimesh(where.with_suffix(".glb"), made, kept)
 
 
 def _collada(where: Path, content: bytes, kept: Any) -> tuple[FloatArray, Faces]:
