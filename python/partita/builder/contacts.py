@@ -98,8 +98,9 @@ def add_contact(
     At the depth d the bodies push each other apart by N = stiffness d^exponent (1 + damping dd/dt), never together
     (Hunt and Crossley, J. Appl. Mech. 42, 1975); nothing acts before they touch. For elastic spheres of one material
     Hertz's law has exponent 1.5 and stiffness 4/3 E* sqrt(R), 1/R = 1/radius1 + 1/radius2. The force acts at the plane,
-    or midway in the overlap of two spheres. Friction opposes sliding there with N times the law of `add_friction`. A shape
-    that has a radius may stand for it, such as `ball.shape`; the contact is that of a sphere also where it is a disc.
+    or midway in the overlap of two spheres. Friction opposes sliding there with N times the law of `add_friction`.
+
+    A shape that has a radius may stand for it, such as `ball.shape`; a disc has the contact of a sphere too.
 
     With a `restitution` in place of a stiffness the contact is rigid and smooth: bodies never overlap, they bounce
     (Newton's law) and rest on each other as long as they press. A run finds the impacts; `run.events` has them with the

@@ -97,9 +97,7 @@ def read(path: Path, make: Maker, mend: Mend | None = None, opened: Opened | Non
     return mechanism
 
 
-def parse(
-    text: str, make: Maker, path: str = "text", mend: Mend | None = None, opened: Opened | None = None
-) -> Any:
+def parse(text: str, make: Maker, path: str = "text", mend: Mend | None = None, opened: Opened | None = None) -> Any:
     """The mechanism in a TOML text; `path` is named in errors, `opened` finds files of meshes."""
     if len(text) > limits.limit("marks"):
         limits.refuse_above("marks", _marks(text.encode("utf-8", "replace")), path)

@@ -12,6 +12,7 @@ from .basic import Box, Cylinder, Disc, Sphere
 from .extrusion import Extrusion
 from .mesh import Mesh
 from .plate import Plate, corners
+from .polygons import distance, inside
 from .prism import Blind, circle, prism
 from .shape import Array, Part, Shape, Skin, Sum
 from .shell import Shell
@@ -30,7 +31,7 @@ def drawn(shape: Shape) -> list[dict[str, Any]]:
     """Its solids in the axes of the body, as `shapes=` of viewers has them.
 
     Of the holes of a sum those are drawn that go straight into a disc, a tube, a plate, an extrusion or a box, through
-    it or not; of those in a box the ones along one of its edges.
+    it or not, with material around them; of those in a box the ones along one of its edges.
 
     >>> from partita import shapes
     >>> shapes.drawn(shapes.Sphere(0.1))
@@ -159,9 +160,16 @@ def _taken(part: Part, holes: list[Part]) -> list[_Prism]:
         high = whole.high if abs(high - whole.high) <= margin else high
         straight = all(np.ptp(end[:, 2]) <= margin for end in ends)
         meets = (low == whole.low or high == whole.high) and whole.low <= low and high <= whole.high
-        if straight and meets and part.shape.contains(ends[0], EQUAL * float(np.ptp(whole.outline))).all():
-            found.append(_Prism(ends[0][:, :2], [], low, high))
+        ring = ends[0][:, :2]
+        if straight and meets and part.shape.contains(ends[0], EQUAL * extent).all() and _within(ring, whole, extent):
+            found.append(_Prism(ring, [], low, high))
     return found
+
+
+def _within(ring: Array, whole: _Prism, extent: float) -> bool:
+    """Whether a hole has material all around it: one that reaches the outline is a slot."""
+    apart = all(distance(ring, around).min() > EQUAL * extent for around in (whole.outline, *whole.holes))
+    return bool(apart and inside(ring, whole.outline).all())
 
 
 def _pierced(shape: Shape, taken: list[_Prism]) -> Skin:
@@ -176,4 +184,4 @@ def _pierced(shape: Shape, taken: list[_Prism]) -> Skin:
         if (hole.low, hole.high) != (whole.low, whole.high)
     ]  # fmt: skip
     points, faces = prism(whole.outline, [*whole.holes, *through], whole.high - whole.low, blind)
-    return Skin(points + [0.0, 0.0, middle], faces)
+    return Skin(points + np.array([0.0, 0.0, middle]), faces)

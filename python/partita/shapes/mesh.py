@@ -30,11 +30,12 @@ class Mesh(Shape):
     file.
 
     `scale` is the length of one unit of the file: "1 mm" for most STL files, 1 for glTF, COLLADA and STEP, which are in
-    metres here. Curved faces of STEP become triangles that turn by 0.03 rad: masses are right to four digits. The mesh is checked for being closed, its triangles for being in order around the outward normal; one
-    inside out as a whole is turned. Volume, centroid and inertia are exact for the polyhedron. What its parts have in
-    common counts twice. Two meshes are equal where their files and scales are. `sha256` is that of the file as it was;
-    where it has changed a `ChangedFileWarning` says so. Needs the extra "meshes", for
-    STEP "step".
+    metres here. Curved faces of STEP become triangles that turn by 0.03 rad: masses are right to four digits.
+
+    The mesh is checked for being closed, its triangles for being in order around the outward normal; one inside out as
+    a whole is turned. Volume, centroid and inertia are exact for the polyhedron. What its parts have in common counts
+    twice. Two meshes are equal where their files and scales are. `sha256` is that of the file as it was; where it has
+    changed a `ChangedFileWarning` says so. Needs the extra "meshes", for STEP "step".
 
     Raises `FileFormatError` for a mesh that is open or encloses nothing, with the number of open edges and what to
     try; `MissingFileError`, `ArgumentError` for another kind of file, and `DescriptionError` for a scale that is not
@@ -60,9 +61,7 @@ class Mesh(Shape):
         where: Path
         _surface: Surface
 
-        def __init__(
-            self, file: str | os.PathLike[str], scale: Quantity = 1.0, sha256: str | None = None
-        ) -> None: ...
+        def __init__(self, file: str | os.PathLike[str], scale: Quantity = 1.0, sha256: str | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         where = place(self.file, "file")
@@ -135,7 +134,10 @@ def _closed(where: Path, points: Array, faces: NDArray[np.int_]) -> Surface:
         )
     volume = moments_of(surface)[0]
     if abs(volume) <= SINGLE * extent**3 * SINGLE:
-        refuse("encloses no volume: it is flat; give a sheet a thickness before it is exported")
+        refuse(
+            "encloses no volume: its triangles are in one plane, or upon each other. Give a sheet its thickness before "
+            "it is exported"
+        )
     if volume < 0.0:
         surface = Surface(surface.points, surface.faces[:, ::-1])
     parts = components(surface)

@@ -103,9 +103,7 @@ def on_prism(outline: Any, holes: tuple[Any, ...], thickness: float) -> Skin:
     return prism(around, [corners(hole, size) for hole in holes], thickness)
 
 
-def in_prism(
-    points: Array, outline: Any, holes: tuple[Any, ...], thickness: float, margin: float
-) -> NDArray[np.bool_]:
+def in_prism(points: Array, outline: Any, holes: tuple[Any, ...], thickness: float, margin: float) -> NDArray[np.bool_]:
     """Whether points (n, 3) lie inside it, or outside by less than `margin`."""
     half = 0.5 * thickness
     found = np.abs(points[:, 2]) <= half + margin

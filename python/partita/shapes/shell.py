@@ -57,7 +57,7 @@ class Shell(Shape):
         try:
             whole = self.shape - _hollow(self.shape, self.thickness)
         except (DescriptionError, _Full) as error:
-            about = f"walls of {self.thickness:g} m leave no hollow in every part of it; give a smaller thickness"
+            about = f"walls of {self.thickness:g} m meet, so not all of it is hollow; give a smaller thickness"
             given.fail("Shell", about, error)
         object.__setattr__(self, "_whole", whole)
 

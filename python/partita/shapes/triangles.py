@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+import warnings
 from pathlib import Path
 from typing import Any
 from xml.parsers import expat
@@ -31,6 +32,7 @@ _SAG = 1e-3
 MOST_TRIANGLES = 6000
 """For all meshes of a page together: the number a browser can draw between two frames without a graphics card."""
 FEWEST_TRIANGLES = 200
+
 
 def load(path: str | os.PathLike[str], argument: str = "shapes") -> tuple[FloatArray, Faces, str]:
     """Vertices (n, 3) and triangles (m, 3) of a mesh file as it has them, all parts in their positions, in units of the
@@ -111,26 +113,25 @@ def _collada(where: Path, content: bytes, kept: Any) -> tuple[FloatArray, Faces]
     """The triangles of the scene in metres, its axes as they are: URDF and SDFormat take no notice of `up_axis`."""
     collada = extra("collada", "meshes", "reading COLLADA")
     _plain_xml(where, content)
-    # what else is in the file, its materials and images, decides nothing
-    document = collada.Collada(io.BytesIO(content), ignore=[collada.DaeError])
-    if document.scene is None:
-        raise FileFormatError(f'the mesh "{where}" has no scene', path=str(where))
     points, faces, count = [], [], 0
-    for geometry in document.scene.objects("geometry"):
-        for part in geometry.primitives():
-            triangles = part if hasattr(part, "vertex_index") and hasattr(part, "ntriangles") else None
-            if triangles is None and hasattr(part, "triangleset"):
-                triangles = part.triangleset()
-            if triangles is None or triangles.vertex is None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PendingDeprecationWarning)  # it uses NumPy's matrices
+        # what else is in the file, its materials and images, decides nothing
+        document = collada.Collada(io.BytesIO(content), ignore=[collada.DaeError])
+        if document.scene is None:
+            raise FileFormatError(f'the mesh "{where}" has no scene', path=str(where))
+        for part in (one for found in document.scene.objects("geometry") for one in found.primitives()):
+            if hasattr(part, "triangleset"):
+                part = part.triangleset()
+            if not hasattr(part, "ntriangles") or part.vertex is None:
                 continue  # lines and points
-            points.append(np.asarray(triangles.vertex, dtype=float))
-            faces.append(np.asarray(triangles.vertex_index, dtype=int).reshape(-1, 3) + count)
+            points.append(np.asarray(part.vertex, dtype=float))
+            faces.append(np.asarray(part.vertex_index, dtype=int).reshape(-1, 3) + count)
             count += len(points[-1])
     if not faces:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=int)
     unit = document.assetInfo.unitmeter
-    found = np.concatenate(points) * (1.0 if unit is None else float(unit))
-    return found, np.concatenate(faces)
+    return np.concatenate(points) * (1.0 if unit is None else float(unit)), np.concatenate(faces)
 
 
 class _Refused(Exception):

@@ -13,8 +13,8 @@ from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
 from ..shapes import Shape, drawn
-from ..tolerance import EQUAL_IN_SIX_DIGITS
 from ..shapes.triangles import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
+from ..tolerance import EQUAL_IN_SIX_DIGITS
 
 FloatArray = NDArray[np.float64]
 
