@@ -58,8 +58,6 @@ class Mesh(Shape):
     sha256: str | None = field(default=None, repr=False)
 
     if TYPE_CHECKING:
-        where: Path
-        _surface: Surface
 
         def __init__(self, file: str | os.PathLike[str], scale: Quantity = 1.0, sha256: str | None = None) -> None: ...
 
@@ -78,10 +76,18 @@ class Mesh(Shape):
             ("file", os.fspath(self.file)),
             ("scale", scale),
             ("sha256", digest),
-            ("where", where.absolute()),
-            ("_surface", _closed(where, scale * points, faces)),
+            ("_found", (where.absolute(), _closed(where, scale * points, faces))),
         ):
             object.__setattr__(self, word, value)
+
+    @property
+    def where(self) -> Path:
+        """The file, wherever the working folder is."""
+        return Path(self._found[0])  # type: ignore[attr-defined]
+
+    @property
+    def _surface(self) -> Surface:
+        return Surface(*self._found[1])  # type: ignore[attr-defined]
 
     def _moments(self) -> Moments:
         return Moments(*moments_of(self._surface))
