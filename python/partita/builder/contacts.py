@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..shapes import Shape
 from ..units import Quantity
+from .bodies import radius_of
 from .checks import number
 from .declaration import BETWEEN, Call, Field, Load, amount, heading, place, side
 from .drawing import Drawing
@@ -24,14 +25,8 @@ def _radius(least: float | None = None, above: float | None = None) -> Field:
     """A radius, or the shape whose radius it is."""
 
     def check(call: Call, what: str, value: Any, unit: Any) -> float:
-        if isinstance(value, Shape):
-            of = getattr(value, "shape", value)  # of a shell its outer shape
-            found = getattr(of, "radius", None)
-            if found is None:
-                about = f"{what} is a {type(value).__name__}, which has no radius"
-                call.element.fail(f"{about}; give a Sphere, a Disc or a Cylinder, or a number in metres")
-            value = found
-        return number(call.element, what, value, unit, least=least, above=above)
+        radius = radius_of(call.element, what, value)
+        return number(call.element, what, radius, unit, least=least, above=above)
 
     return replace(amount("m", least=least, above=above), check=check)
 
