@@ -73,26 +73,26 @@ def flywheel() -> Case:
 
 def slider_crank() -> Case:
     """A disc as crank, a plate with two holes as rod, a box as slider: the speed follows from the kinetic energy."""
-    r, reach, start = 0.05, 0.2, 30.0
+    r, rod_length, start = 0.05, 0.2, 30.0
     m = pt.Mechanism("slider-crank", gravity=None)
     wheel = m.add_solid("wheel", s.Disc(0.08, 0.012), material="steel")
     link = s.Plate([(-0.02, -0.012), (0.22, -0.012), (0.22, 0.012), (-0.02, 0.012)], 0.006,
-                   holes=[((0, 0), 0.005), ((reach, 0), 0.005)])  # fmt: skip
+                   holes=[((0, 0), 0.005), ((rod_length, 0), 0.005)])  # fmt: skip
     rod = m.add_solid("rod", link, material="aluminium", position=(r, 0, 0.01))
-    block = m.add_solid("block", s.Box((0.06, 0.04, 0.03)), mass="0.4 kg", position=(r + reach, 0, 0.03))
+    block = m.add_solid("block", s.Box((0.06, 0.04, 0.03)), mass="0.4 kg", position=(r + rod_length, 0, 0.03))
     m.add_revolute("A", m.ground, wheel, point=(0, 0, 0))
     m.add_revolute("B", wheel, rod, point=(r, 0, 0.01))
-    m.add_revolute("C", rod, block, point=(r + reach, 0, 0.01))
-    m.add_prismatic("D", m.ground, block, point=(r + reach, 0, 0.03), axis="x")
+    m.add_revolute("C", rod, block, point=(r + rod_length, 0, 0.01))
+    m.add_prismatic("D", m.ground, block, point=(r + rod_length, 0, 0.03), axis="x")
     run = m.simulate(0.5, initial=m.assemble(rates={"A": start}), **TIGHT)
     disc = STEEL * math.pi * 0.08**2 * 0.012 * 0.08**2 / 2
     whole, hole = ALUMINIUM * 0.24 * 0.024 * 0.006, ALUMINIUM * math.pi * 0.005**2 * 0.006
     mass = whole - 2 * hole
-    inertia = whole * (0.24**2 + 0.024**2) / 12 - 2 * hole * (0.005**2 / 2 + (reach / 2) ** 2)
+    inertia = whole * (0.24**2 + 0.024**2) / 12 - 2 * hole * (0.005**2 / 2 + (rod_length / 2) ** 2)
 
     def moved(angle: float) -> float:
         """The inertia that the crank moves."""
-        lean = -r * math.cos(angle) / math.sqrt(reach**2 - (r * math.sin(angle)) ** 2)
+        lean = -r * math.cos(angle) / math.sqrt(rod_length**2 - (r * math.sin(angle)) ** 2)
         x = -r * math.sin(angle) + r * math.sin(angle) * lean
         middle = (-r * math.sin(angle) + r * math.sin(angle) * lean / 2, r * math.cos(angle) / 2)
         return disc + inertia * lean**2 + mass * (middle[0] ** 2 + middle[1] ** 2) + 0.4 * x**2

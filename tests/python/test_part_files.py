@@ -296,14 +296,14 @@ def step(radius: float, height: float) -> str:
     rims = [put(f"EDGE_CURVE('',{end},{end},{circle},.T.)") for end, circle in zip(ends, circles, strict=True)]
     along = put(f"VECTOR('',{triple('DIRECTION', 0, 0, 1)},1.)")
     line = put(f"LINE('',{triple('CARTESIAN_POINT', radius, 0, 0)},{along})")
-    seam = put(f"EDGE_CURVE('',{ends[0]},{ends[1]},{line},.T.)")
+    straight = put(f"EDGE_CURVE('',{ends[0]},{ends[1]},{line},.T.)")
     faces = [
         face(
             put(f"CYLINDRICAL_SURFACE('',{frame(0)},{radius})"),
             (rims[0], ".T."),
-            (seam, ".T."),
+            (straight, ".T."),
             (rims[1], ".F."),
-            (seam, ".F."),
+            (straight, ".F."),
         ),
         face(put(f"PLANE('',{frame(0, -1)})"), (rims[0], ".F.")),
         face(put(f"PLANE('',{frame(height)})"), (rims[1], ".T.")),

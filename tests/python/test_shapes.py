@@ -192,8 +192,8 @@ def test_geoms_of_mjcf_are_drawn(tmp_path: Path) -> None:
     placed = np.asarray(wedge["points"]) @ np.array(wedge["axes"]) + wedge["center"]
     corners = {(0, 0, 3), (0.3, 0, 3), (0, 0.2, 3), (0, 0, 3.1)}
     assert {tuple(float(x) for x in np.round(p, 6) + 0.0) for p in placed} == corners
-    said = [str(x) for x in m.reading.dropped]
-    assert any("plane of 1 geoms" in x for x in said) and not any("not drawn" in x for x in said)
+    dropped = [str(x) for x in m.reading.dropped]
+    assert any("plane of 1 geoms" in x for x in dropped) and not any("not drawn" in x for x in dropped)
     scene = data(viewer.html(m.simulate(0.01), shapes=m.reading.shapes))
     assert {solid["body"] for solid in scene["solids"]} == {0, 1}
     assert m.reading.to_dict()["shapes"]["arm"][-1]["points"] == 4  # type: ignore[index]

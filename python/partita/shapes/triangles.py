@@ -26,9 +26,10 @@ ENDINGS = (".stl", ".obj", ".glb", ".gltf", ".dae", ".step", ".stp")
 _CAD = (".iges", ".igs", ".sldprt", ".ipt", ".catpart", ".prt", ".fcstd", ".x_t", ".x_b", ".3dm")
 """Other files of CAD programs, whose surfaces are no triangles."""
 _TURN = 0.03
-"""Triangles on curved faces of STEP turn by this from one to the next [rad]: the volume of a shaft is right to 4e-5."""
+"""Triangles on curved faces of STEP turn by no more from one to the next. Scale: rad. Reason: the volume of a shaft
+is right to 4e-5."""
 _SAG = 1e-3
-"""They deviate from edges by this fraction of their length."""
+"""They deviate from edges by no more. Scale: fraction of the length of an edge. Reason: less than by their turn."""
 MOST_TRIANGLES = 6000
 """For all meshes of a page together: the number a browser can draw between two frames without a graphics card."""
 FEWEST_TRIANGLES = 200
