@@ -203,8 +203,8 @@ def radius_of(element: Element, what: str, value: Any) -> Any:
     found = getattr(getattr(value, "shape", value), "radius", None)  # of a shell that of its outer shape
     if found is None:
         element.fail(
-            f"{what} is a {type(value).__name__}, which has no radius; give a Sphere, a Disc or a Cylinder, or a number "
-            "in metres"
+            f"{what} is a {type(value).__name__}, which has no radius; give a Sphere, a Disc, a Cylinder or a number in "
+            "metres"
         )
     return found
 

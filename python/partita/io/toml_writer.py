@@ -70,6 +70,11 @@ def _tables(mechanism: Builder, folder: Path) -> Iterator[str]:
         yield _table("[[sensor]]", _sensor(sensor))
 
 
+def numbers_of(record: BodyRecord) -> str:
+    """The table of a body by its mass and its inertia, whatever it is made of."""
+    return _table("[[body]]", _body(record))
+
+
 def _sensor(record: SensorRecord) -> Entries:
     data = record.data
     of: Entries
