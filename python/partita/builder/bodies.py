@@ -202,10 +202,8 @@ def radius_of(element: Element, what: str, value: Any) -> Any:
         return value
     found = getattr(getattr(value, "shape", value), "radius", None)  # of a shell that of its outer shape
     if found is None:
-        element.fail(
-            f"{what} is a {type(value).__name__}, which has no radius; give a Sphere, a Disc, a Cylinder or a number in "
-            "metres"
-        )
+        about = f"{what} is a {type(value).__name__}, which has no radius"
+        element.fail(f"{about}; give a Sphere, a Disc, a Cylinder or a number in metres")
     return found
 
 
