@@ -159,8 +159,21 @@ def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
         and ".dae" in reported
         and "radius" in reported
     )
-    scene = data(viewer.html(m.simulate(0.1), shapes=shapes))
+    run = m.simulate(0.1)
+    scene = data(viewer.html(run, shapes=shapes))
     assert {solid["body"] for solid in scene["solids"]} == {-1, 0}
+    # without being asked, unless there is nothing to read
+    assert data(run.to_html(tmp_path / "run.html").read_text("utf-8"))["solids"] == scene["solids"]
+    assert data(m.to_html(tmp_path / "m.html").read_text("utf-8"))["solids"] == scene["solids"]
+    plain = data(run.to_html(tmp_path / "run.html", shapes={}).read_text("utf-8"))["solids"]
+    assert plain != scene["solids"]
+    (folder / "meshes" / "arm.stl").write_bytes(b"no mesh")
+    with pytest.warns(UserWarning, match=r"without the looks of its file: .*arm\.stl"):
+        assert data(run.to_html(tmp_path / "run.html").read_text("utf-8"))["solids"] == plain
+    del m.joints["turn"]
+    del m.bodies["arm"]
+    m.add_rod("other", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    assert [solid["body"] for solid in data(m.to_html(tmp_path / "m.html").read_text("utf-8"))["solids"]] == [-1]
 
 
 GEOMS = """<mujoco><asset><mesh name="wedge" vertex="0 0 0  0.3 0 0  0 0.2 0  0 0 0.1"/>

@@ -91,7 +91,7 @@ class Reading:
         changed: what stands in the model otherwise than in the file.
         dropped: what the model does not have.
         stands: why nothing moves where nothing does, with what to do; "" where the file does not say so.
-        shapes: how its bodies look, where the file says so; `run.to_html(path, shapes=m.reading.shapes)` draws them.
+        shapes: how its bodies look, where the file says so; pages draw them so unless they are given others.
     """
 
     path: Path

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, FileFormatError, MissingDependencyError, MissingFileError
 from ..naming import index_of
 from ..numeric import shown
 from ..shapes import Shape, drawn
 from ..shapes.triangles import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
 from ..tolerance import EQUAL_IN_SIX_DIGITS
 
+T = TypeVar("T")
 FloatArray = NDArray[np.float64]
 
 ORIGIN, ALONG_Z = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -49,6 +51,20 @@ def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]
         found[_body(name, bodies)] = [part for one in several for part in _parts(name, one)]
     _load_meshes([part for parts in found.values() for part in parts if "file" in part or "scale" in part])
     return found
+
+
+def looking(
+    shapes: Mapping[str, Any] | None, looks: Mapping[str, Any] | None, draw: Callable[[Mapping[str, Any] | None], T]
+) -> T:
+    """What `draw` makes of the shapes that are given, else of the `looks` of a file; where these cannot be read, of
+    none, with a warning."""
+    if shapes is not None or not looks:
+        return draw(shapes)
+    try:
+        return draw(looks)
+    except (FileFormatError, MissingFileError, MissingDependencyError) as error:
+        warnings.warn(f"it is drawn without the looks of its file: {error.message}", stacklevel=4)
+        return draw(None)
 
 
 def stored(parts: Any) -> list[dict[str, Any]]:
