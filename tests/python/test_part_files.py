@@ -183,8 +183,10 @@ def test_a_stored_run_has_its_picture_and_opens_nothing(tmp_path: Path) -> None:
     m = machine(tmp_path)
     run = m.simulate(0.01)
     drawn = describe(run, None)["solids"]
-    counts = {m.to_spec()["bodies"][x["body"]]["name"]: len(x["parts"][0]["faces"]) // 3 for x in drawn}
-    assert counts["block"] >= 12 and 1000 < counts["ball"] <= MOST_TRIANGLES
+    names = list(m.bodies)
+    counts = {names[x["body"]]: (len(x["parts"][0]["faces"]) // 3, x["parts"][0]["of"]) for x in drawn}
+    assert counts["block"][0] >= 12 and 1000 < counts["ball"][0] < counts["ball"][1] == 2 * 120 * 59
+    assert sum(count for count, _ in counts.values()) <= MOST_TRIANGLES
     run.save(tmp_path / "run.json")
     for file in (tmp_path / "ball.obj", tmp_path / "parts" / "block.obj"):
         file.unlink()

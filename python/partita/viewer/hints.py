@@ -67,18 +67,23 @@ def looking(
         return draw(None)
 
 
-def stored(parts: Any) -> list[dict[str, Any]]:
-    """Solids as `form` made them, out of a stored run; files are not opened. Raises `ValueError` for others."""
-    if not isinstance(parts, list) or not all(isinstance(part, Mapping) and "file" not in part for part in parts):
-        raise ValueError("a body is drawn as a list of solids, none of them in a file")
-    try:
-        found = [_solid("a body", {word: value for word, value in part.items() if word not in KEPT}) for part in parts]
-    except ArgumentError as error:
-        raise ValueError(error.message) from error
-    _load_meshes([part for part in found if part["kind"] == "mesh"])
-    for part, given in zip(found, parts, strict=True):
-        if part["kind"] == "mesh":
-            part["closed"] = given.get("closed") is True and part["of"] == len(part["faces"]) // 3
+def stored(bodies: Mapping[int, Any]) -> dict[int, list[dict[str, Any]]]:
+    """Solids of bodies as `form` made them, which may be out of a stored run: files are not opened. Raises `ValueError`
+    for others."""
+    found: dict[int, list[dict[str, Any]]] = {}
+    meshes: list[tuple[dict[str, Any], Mapping[str, Any]]] = []
+    for body, parts in bodies.items():
+        if not isinstance(parts, list) or not all(isinstance(part, Mapping) and "file" not in part for part in parts):
+            raise ValueError("a body is drawn as a list of solids, none of them in a file")
+        try:
+            found[body] = [_solid("a body", {w: x for w, x in part.items() if w not in KEPT}) for part in parts]
+        except ArgumentError as error:
+            raise ValueError(error.message) from error
+        meshes += [both for both in zip(found[body], parts, strict=True) if both[0]["kind"] == "mesh"]
+    _load_meshes([part for part, _ in meshes])
+    for part, given in meshes:
+        whole = given.get("closed") is True and 3 * part["of"] == len(part["faces"])
+        part |= {"closed": whole, "of": max(part["of"], int(given.get("of", 0)))}
     return found
 
 

@@ -389,10 +389,14 @@ def _solids(
     inertia."""
     found = dict(coupled.rolling)
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
+    files: dict[int, Any] = {}
     for i, body in enumerate(bodies):
         shape = drawn.get(body["name"], {}).get("shape") or {}
-        if shape.get("kind") == "solid":
-            found[i] = stored(shape["drawn"]) if "drawn" in shape else form(shape_of(shape["form"]))
+        if shape.get("kind") == "solid" and "drawn" in shape:
+            files[i] = shape["drawn"]
+        elif shape.get("kind") == "solid":
+            found[i] = form(shape_of(shape["form"]))
+    found |= stored(files)
     wheels = {wheel["body"] for wheel in coupled.wheels if not wheel["ring"]}
     wheels |= {joint["child"] for joint in joints if joint["rail"] is not None}  # a slide is drawn as a block
     wheels |= {line["body"] for line in coupled.lines if line["look"] == "cam"}
