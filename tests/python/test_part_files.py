@@ -115,6 +115,14 @@ def test_hollows_and_several_parts_are_read(tmp_path: Path) -> None:
     small = [(0.5 * x, 0.5 * y, 0.5 * z) for x, y, z in CORNERS]
     hollow = obj(tmp_path / "hollow.obj", CORNERS + small, triangles(SIDES) + [face[::-1] for face in SECOND])
     assert Mesh(hollow).volume == pytest.approx(6000.0 * 7 / 8, rel=EXACT)
+    points = np.random.default_rng(3).uniform(-1.2, 1.2, (2000, 3)) * [15.0, 10.0, 5.0]
+    outer, inner = ((np.abs(points) < half * np.array([15.0, 10.0, 5.0])).all(axis=1) for half in (1.0, 0.5))
+    assert (Mesh(hollow).contains(points) == (outer & ~inner)).all()
+    grown, cut = ((np.abs(points) < np.array([15.0, 10.0, 5.0]) + s).all(axis=1) for s in (0.5, -0.5))
+    thick = ~(np.abs(points) < np.array([7.5, 5.0, 2.5]) + 0.5).all(axis=1)
+    assert (Mesh(hollow).contains(points, -0.5) == (cut & thick)).all()
+    rounded = Mesh(hollow).contains(points, 0.5)  # edges are rounded outwards
+    assert (grown | ~rounded).all() and (grown & outer & ~inner <= rounded).all()
     assert Mesh(obj(tmp_path / "two.obj", TWO, triangles(SIDES) + SECOND)).volume == pytest.approx(6750.0, rel=EXACT)
 
 

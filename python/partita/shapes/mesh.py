@@ -17,11 +17,8 @@ from ..tolerance import SINGLE
 from ..units import Quantity
 from . import given
 from .shape import Array, Moments, Shape, Skin
-from .surface import Surface, components, enclosed, far, moments_of, open_edges, welded
+from .surface import Surface, components, enclosed, moments_of, near, open_edges, welded
 from .triangles import load
-
-AT_ONCE = 400_000
-"""Pairs of points and triangles that are looked at together."""
 
 
 @dataclass(frozen=True)
@@ -103,13 +100,11 @@ class Mesh(Shape):
 
     def contains(self, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
         """Whether points (n, 3) lie inside, or outside by less than `margin` [m]."""
-        step = max(1, AT_ONCE // len(self._surface.faces))
-        found = [self._deep(points[k : k + step]) for k in range(0, len(points), step)]
-        return np.concatenate([*found, np.zeros(0)]) >= -margin
-
-    def _deep(self, points: Array) -> Array:
-        """Distance from the surface, positive inside."""
-        return np.where(enclosed(points, self._surface), 1.0, -1.0) * far(points, self._surface)
+        inside = enclosed(points, self._surface)
+        if margin == 0.0:
+            return inside
+        beside = near(points, self._surface, abs(margin))
+        return inside | beside if margin > 0.0 else inside & ~beside
 
 
 def _closed(where: Path, points: Array, faces: NDArray[np.int_]) -> Surface:
