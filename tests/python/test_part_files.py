@@ -118,12 +118,16 @@ def test_hollows_and_several_parts_are_read(tmp_path: Path) -> None:
     points = np.random.default_rng(3).uniform(-1.2, 1.2, (2000, 3)) * [15.0, 10.0, 5.0]
     outer, inner = ((np.abs(points) < half * np.array([15.0, 10.0, 5.0])).all(axis=1) for half in (1.0, 0.5))
     assert (Mesh(hollow).contains(points) == (outer & ~inner)).all()
-    grown, cut = ((np.abs(points) < np.array([15.0, 10.0, 5.0]) + s).all(axis=1) for s in (0.5, -0.5))
-    thick = ~(np.abs(points) < np.array([7.5, 5.0, 2.5]) + 0.5).all(axis=1)
-    assert (Mesh(hollow).contains(points, -0.5) == (cut & thick)).all()
-    rounded = Mesh(hollow).contains(points, 0.5)  # edges are rounded outwards
-    assert (grown | ~rounded).all() and (grown & outer & ~inner <= rounded).all()
-    assert Mesh(obj(tmp_path / "two.obj", TWO, triangles(SIDES) + SECOND)).volume == pytest.approx(6750.0, rel=EXACT)
+    # distances from boxes: from outside to the nearest point, from inside to the nearest face
+    size = np.array([15.0, 10.0, 5.0])
+    off_outer, off_inner = (
+        np.linalg.norm(np.maximum(np.abs(points) - half * size, 0.0), axis=1) for half in (1.0, 0.5)
+    )
+    deep_outer, deep_inner = ((half * size - np.abs(points)).min(axis=1) for half in (1.0, 0.5))
+    wall = outer & ~inner
+    assert (Mesh(hollow).contains(points, -0.5) == (wall & (deep_outer > 0.5) & (off_inner > 0.5))).all()
+    near = (~outer & (off_outer < 0.5)) | (inner & (deep_inner < 0.5))
+    assert (Mesh(hollow).contains(points, 0.5) == (wall | near)).all()
 
 
 def test_single_precision_that_parts_corners_is_closed(tmp_path: Path) -> None:
