@@ -120,10 +120,9 @@ def test_hollows_and_several_parts_are_read(tmp_path: Path) -> None:
     assert (Mesh(hollow).contains(points) == (outer & ~inner)).all()
     # distances from boxes: from outside to the nearest point, from inside to the nearest face
     size = np.array([15.0, 10.0, 5.0])
-    off_outer, off_inner = (
-        np.linalg.norm(np.maximum(np.abs(points) - half * size, 0.0), axis=1) for half in (1.0, 0.5)
-    )
-    deep_outer, deep_inner = ((half * size - np.abs(points)).min(axis=1) for half in (1.0, 0.5))
+    beyond = [np.abs(points) - half * size for half in (1.0, 0.5)]
+    off_outer, off_inner = (np.linalg.norm(np.maximum(x, 0.0), axis=1) for x in beyond)
+    deep_outer, deep_inner = (-x.max(axis=1) for x in beyond)
     wall = outer & ~inner
     assert (Mesh(hollow).contains(points, -0.5) == (wall & (deep_outer > 0.5) & (off_inner > 0.5))).all()
     near = (~outer & (off_outer < 0.5)) | (inner & (deep_inner < 0.5))
