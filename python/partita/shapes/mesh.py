@@ -38,13 +38,14 @@ class Mesh(Shape):
     try; `MissingFileError`, `ArgumentError` for another kind of file, and `DescriptionError` for a scale that is not
     positive.
 
-    >>> import partita as pt
+    >>> import tempfile
     >>> from pathlib import Path
-    >>> faces = ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]                    # of a tetrahedron
-    >>> corners = ["0 0 0", "30 0 0", "0 20 0", "0 0 10"]
-    >>> lines = [f"v {x}" for x in corners] + [f"f {x}" for x in faces]
-    >>> _ = Path("part.obj").write_text("\\n".join(lines))
-    >>> part = pt.shapes.Mesh("part.obj", scale="1 mm")
+    >>> import partita as pt
+    >>> corners, faces = ["0 0 0", "30 0 0", "0 20 0", "0 0 10"], ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]    # tetrahedron
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder, "part.obj")
+    ...     size = file.write_text("\n".join([f"v {x}" for x in corners] + [f"f {x}" for x in faces]))
+    ...     part = pt.shapes.Mesh(file, scale="1 mm")
     >>> print(f"{part.volume * 1e9:.9f} mm^3")
     1000.000000000 mm^3
     """
