@@ -68,7 +68,9 @@ TABLE: Mapping[str, Limit] = {
         Limit("step_bytes", 64 * _MIB, "bytes", "the steps that a run keeps for `run.state(t)`, in memory"),
         # more are a function that oscillates about zero; a state is kept for each
         Limit("events", 100_000, "events", "what a run with `events` reports"),
-        Limit("generated", 10_000_000, "numbers", "what counts in an MJCF file ask for: height fields, keys, textures"),
+        Limit(
+            "generated", 10_000_000, "numbers", "what counts in an MJCF file ask for: height fields, keys, user data"
+        ),
     )
 }
 """All limits by their names."""

@@ -164,7 +164,7 @@ def heard(path: Path) -> str:
             return f"refused: {error}"
     remarks = [(group.kind, group.text, sorted(group.names)) for group in m.remarks if group.kind != "used"]
     assert m.reading is not None
-    return json.dumps([m.to_spec(), m.reading.shapes, remarks], sort_keys=True)
+    return json.dumps([m.to_spec(), m.reading.shapes, remarks], sort_keys=True, default=lambda array: array.tolist())
 
 
 def silent(files: list[Path], chosen: slice) -> tuple[int, list[str]]:

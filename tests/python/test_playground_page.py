@@ -218,6 +218,28 @@ def test_files_hold_the_numbers_of_the_page(
     assert "reached t = 10" in ran.stdout
 
 
+def test_solids_whose_numbers_are_changed_become_bodies(browser: Chromium, tmp_path: Path) -> None:
+    """A shape of steel has no place for another mass; the other solid keeps its shape."""
+    m = pt.Mechanism("two pendulums")
+    for name, x in (("disc", 0.0), ("bar", 0.5)):
+        shape = pt.shapes.Disc(0.05, 0.01) if name == "disc" else pt.shapes.Box((0.02, 0.2, 0.01))
+        m.add_solid(name, shape, material="steel", position=(x, -0.1, 0))
+        m.add_revolute(f"pin of {name}", m.ground, name, point=(x, 0, 0))
+    shown(browser, m.to_playground(tmp_path / "x.html"))
+    assert browser.value("playground.toml().text").count("[[solid]]") == 2
+    assert put(browser, "disc: mass", "2.5") == ""
+    made = browser.value("playground.toml()")
+    assert made["missing"] == []
+    (tmp_path / "x.toml").write_text(made["text"], encoding="utf-8")
+    loaded = pt.load(tmp_path / "x.toml")
+    assert loaded.bodies["disc"].mass == 2.5 and loaded.bodies["disc"].kind == "body"
+    assert np.array_equal(loaded.bodies["disc"].inertia, m.bodies["disc"].inertia)
+    assert loaded.bodies["bar"].shape == m.bodies["bar"].shape
+    for parameter, numbers in browser.value("playground.numbers.now().values").items():
+        known = dict(layout_of(loaded, "relative")[0].core.parameters())
+        assert np.allclose(known[parameter], numbers, rtol=1e-15, atol=1e-15), parameter
+
+
 def test_keys_and_themes(browser: Chromium, page: Path) -> None:
     shown(browser, page)
     assert unreached(browser) == []

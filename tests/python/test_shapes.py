@@ -11,7 +11,7 @@ from mesh_files import tetrahedra
 import partita as pt
 from partita import viewer
 from partita.errors import ArgumentError, FileFormatError, MissingFileError, UnknownNameError
-from partita.viewer.meshes import simplified
+from partita.shapes.triangles import simplified
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_meshes_that_cannot_be_read_are_reported(part: Path, tmp_path: Path) -> 
         with pytest.raises(FileFormatError, match=name):
             drawn(tmp_path / name)
     with pytest.raises(ArgumentError, match=r"\.stl, \.obj"):
-        drawn(tmp_path / "part.step")
+        drawn(tmp_path / "part.iges")
     for more, words in (
         ({"scale": 0.0}, "scale"),
         ({"axes": ((1, 0, 0), (1, 0, 0), (0, 0, 1))}, "perpendicular"),
@@ -159,8 +159,74 @@ def test_a_robot_looks_as_its_file_says(part: Path, tmp_path: Path) -> None:
         and ".dae" in reported
         and "radius" in reported
     )
-    scene = data(viewer.html(m.simulate(0.1), shapes=shapes))
+    run = m.simulate(0.1)
+    scene = data(viewer.html(run, shapes=shapes))
     assert {solid["body"] for solid in scene["solids"]} == {-1, 0}
+    # without being asked, unless there is nothing to read
+    assert data(run.to_html(tmp_path / "run.html").read_text("utf-8"))["solids"] == scene["solids"]
+    assert data(m.to_html(tmp_path / "m.html").read_text("utf-8"))["solids"] == scene["solids"]
+    plain = data(run.to_html(tmp_path / "run.html", shapes={}).read_text("utf-8"))["solids"]
+    assert plain != scene["solids"]
+    (folder / "meshes" / "arm.stl").write_bytes(b"no mesh")
+    with pytest.warns(UserWarning, match=r"without the looks of its file: .*arm\.stl"):
+        assert data(run.to_html(tmp_path / "run.html").read_text("utf-8"))["solids"] == plain
+    del m.joints["turn"]
+    del m.bodies["arm"]
+    m.add_rod("other", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    assert [solid["body"] for solid in data(m.to_html(tmp_path / "m.html").read_text("utf-8"))["solids"]] == [-1]
+
+
+GEOMS = """<mujoco><asset><mesh name="wedge" vertex="0 0 0  0.3 0 0  0 0.2 0  0 0 0.1"/>
+<material name="glass" rgba="1 1 1 0"/></asset><worldbody><geom type="plane" size="5 5 1"/>
+<body name="arm" pos="0 0 1"><joint axis="0 1 0"/>
+  <geom type="box" size="0.1 0.2 0.3" pos="1 0 0" euler="0 0 90" density="500"/>
+  <geom type="capsule" size="0.05" fromto="0 0 0 0 0 -0.4"/>
+  <geom type="ellipsoid" size="0.1 0.2 0.3" pos="0 2 0"/>
+  <geom type="mesh" mesh="wedge" pos="0 0 3"/>
+  <geom type="sphere" size="0.5" group="3"/><geom type="sphere" size="0.6" material="glass"/>
+  <body name="tool" pos="0 0 -1"><joint type="slide"/><geom type="cylinder" size="0.1 0.2" group="4"/>
+    <geom type="sphere" size="0.15" pos="0.1 0.2 0.3" group="3"/></body>
+</body></worldbody></mujoco>"""
+
+
+def test_geoms_of_mjcf_are_drawn(tmp_path: Path) -> None:
+    """Those that MuJoCo's viewer shows; of a body without any those of its contacts."""
+    mujoco = pytest.importorskip("mujoco")
+    (tmp_path / "a.xml").write_text(GEOMS, "utf-8")
+    m = pt.load(tmp_path / "a.xml")
+    assert m.reading is not None
+    box, tube, *ends, oval, wedge = m.reading.shapes["arm"]
+    assert box["size"] == [0.2, 0.4, 0.6] and np.allclose(box["axes"], [(0, 1, 0), (-1, 0, 0), (0, 0, 1)])
+    assert box["center"] == [1.0, 0.0, 0.0] and tube["length"] == pytest.approx(0.4) and tube["radius"] == 0.05
+    assert {tuple(np.round(end["center"], 12)) for end in ends} == {(0, 0, 0), (0, 0, -0.4)}
+    assert [x["kind"] for x in m.reading.shapes["tool"]] == ["cylinder", "ball"]
+    assert np.allclose(np.abs(oval["points"]).max(axis=0), [0.1, 0.2, 0.3], rtol=1e-2)
+    # its corners where the file has them, whatever frame MuJoCo gives it
+    placed = np.asarray(wedge["points"]) @ np.array(wedge["axes"]) + wedge["center"]
+    corners = {(0, 0, 3), (0.3, 0, 3), (0, 0.2, 3), (0, 0, 3.1)}
+    assert {tuple(float(x) for x in np.round(p, 6) + 0.0) for p in placed} == corners
+    dropped = [str(x) for x in m.reading.dropped]
+    assert any("plane of 1 geoms" in x for x in dropped) and not any("not drawn" in x for x in dropped)
+    scene = data(viewer.html(m.simulate(0.01), shapes=m.reading.shapes))
+    assert {solid["body"] for solid in scene["solids"]} == {0, 1}
+    assert m.reading.to_dict()["shapes"]["arm"][-1]["points"] == 4  # type: ignore[index]
+    # mass and inertia of what MuJoCo makes of geoms, beside the same bodies as shapes
+    native = mujoco.MjModel.from_xml_path(str(tmp_path / "a.xml"))
+    solid = pt.shapes.Cylinder(0.1, 0.4) + pt.shapes.Sphere(0.15).at((0.1, 0.2, 0.3))
+    tool = m.bodies["tool"]
+    assert tool.mass == native.body_mass[2] == pytest.approx(1000 * solid.volume, rel=1e-12)
+    assert np.allclose(tool.com, solid.centroid, rtol=0, atol=1e-12)
+    assert np.allclose(tool.inertia, 1000 * solid.inertia, rtol=0, atol=1e-12 * tool.inertia.max())
+
+
+@pytest.mark.parametrize(
+    "more", [{"faces": [(0, 1, 3)]}, {"points": [(0, 0)] * 3}, {"faces": [(0, 1)]}, {"points": [(0, 0, np.nan)] * 3}]
+)
+def test_meshes_that_are_given_themselves_are_checked(more: Any) -> None:
+    mesh = {"kind": "mesh", "points": [(0, 0, 0), (1, 0, 0), (0, 1, 0)], "faces": [(0, 1, 2)]}
+    assert data(viewer.html(four_bar(nt=3), shapes={"crank": mesh}))["solids"][0]["parts"][0]["of"] == 1
+    with pytest.raises(ArgumentError, match=next(iter(more))):
+        viewer.html(four_bar(nt=3), shapes={"crank": {**mesh, **more}})
 
 
 def test_pulleys_have_their_radii_where_there_is_room() -> None:

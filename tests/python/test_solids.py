@@ -16,7 +16,7 @@ import partita as pt
 from partita import shapes
 from partita.errors import ArgumentError, DescriptionError, FileFormatError, UnknownNameError
 from partita.io.toml_writer import document
-from partita.shapes import Box, Cylinder, Disc, Plate, Revolution, Shape, Sphere
+from partita.shapes import Box, Cylinder, Disc, Extrusion, Plate, Revolution, Shape, Shell, Sphere
 from partita.viewer.hints import solids
 from partita.viewer.scene import describe
 
@@ -104,6 +104,23 @@ def agree(shape: Shape, found: tuple[float, Array, Array], within: float = EXACT
     assert np.abs(shape.inertia - inertia).max() < within * np.abs(inertia).max()
 
 
+def moved(found: tuple[float, Array, Array], z: float) -> tuple[float, Array, Array]:
+    """The same body farther along z."""
+    return found[0], found[1] + [0.0, 0.0, z], found[2]
+
+
+def without(whole: tuple[float, Array, Array], part: tuple[float, Array, Array]) -> tuple[float, Array, Array]:
+    """A body and what is taken off it, by parallel axes."""
+    volume = whole[0] - part[0]
+    middle = (whole[0] * whole[1] - part[0] * part[1]) / volume
+
+    def about(body: tuple[float, Array, Array]) -> Array:
+        out = body[1] - middle
+        return body[2] + body[0] * (out @ out * np.eye(3) - np.outer(out, out))
+
+    return volume, middle, about(whole) - about(part)
+
+
 CLOSED_FORMS = [
     (Disc(0.13, 0.02), of_tube(0.13, 0.0, 0.02)),
     (Cylinder(0.02, 0.3), of_tube(0.02, 0.0, 0.3)),
@@ -112,6 +129,7 @@ CLOSED_FORMS = [
     (Box((0.1, 0.2, 0.35)), of_box((0.1, 0.2, 0.35))),
     (Plate(((0.0, 0.0), 0.13), 0.02), of_tube(0.13, 0.0, 0.02)),
     (Plate(((0.0, 0.0), 0.05), 0.11, holes=[((0.0, 0.0), 0.049)]), of_tube(0.05, 0.049, 0.11)),
+    (Extrusion(((0.0, 0.0), 0.05), 0.11, holes=[((0.0, 0.0), 0.049)]), moved(of_tube(0.05, 0.049, 0.11), 0.055)),
     (Revolution(NOTCHED), of_profile(NOTCHED)),
     (Revolution([(0, 0), (0.03, 0), (0, 0.1)]), of_profile([(0, 0), (0.03, 0), (0, 0.1)])),
 ]
@@ -130,11 +148,39 @@ def test_closed_forms_are_the_integrals(shape: Shape, found: tuple[float, Array,
         Plate(L_SHAPE[::-1], 0.01, holes=[[(0.01, 0.01), (0.05, 0.012), (0.03, 0.04)]]),
         Box((0.1, 0.2, 0.35)).at((1.0, 2.0, 3.0), (1.0, 0.2, -0.4, 0.6)),
         Box((0.1, 0.2, 0.3)) + Plate(L_SHAPE, 0.01).at((0.3, 0.1, -0.2), (0.3, 0.2, 0.1, 0.9)),
+        Extrusion(L_SHAPE, 0.3, holes=[[(0.01, 0.01), (0.05, 0.012), (0.03, 0.04)]]),
     ],
     ids=lambda shape: shape.word,
 )
 def test_bodies_of_plane_faces_by_the_divergence_theorem(shape: Shape) -> None:
     agree(shape, of_surface(shape))
+
+
+def test_shells_are_their_walls() -> None:
+    """The hollow found by hand: concentric, of parallel faces, a cone by similar triangles."""
+    wall = 0.004
+    agree(Shell(Sphere(0.07), wall), without(of_ball(0.07), of_ball(0.066)))
+    agree(Shell(Disc(0.13, 0.02), wall), without(of_tube(0.13, 0.0, 0.02), of_tube(0.126, 0.0, 0.012)))
+    agree(Shell(Cylinder(0.05, 0.11, 0.02), wall), without(of_tube(0.05, 0.02, 0.11), of_tube(0.046, 0.024, 0.102)))
+    agree(Shell(Box((0.1, 0.2, 0.3)), wall), without(of_box((0.1, 0.2, 0.3)), of_box((0.092, 0.192, 0.292))))
+    inner = [(0.004, 0.004), (0.196, 0.004), (0.196, 0.046), (0.056, 0.046), (0.056, 0.146), (0.004, 0.146)]
+    beam = without(of_surface(Extrusion(L_SHAPE, 0.3)), moved(of_surface(Extrusion(inner, 0.292)), wall))
+    for outline in (L_SHAPE, L_SHAPE[::-1]):
+        agree(Shell(Extrusion(outline, 0.3), wall), beam)
+        agree(Shell(Plate(outline, 0.3), wall), moved(beam, -0.15))
+    radius, height = 0.03, 0.1
+    foot = radius * (1.0 - wall / height) - wall * np.hypot(radius, height) / height
+    hollow = of_profile([(0, wall), (foot, wall), (0, wall + foot * height / radius)])
+    agree(
+        Shell(Revolution([(0, 0), (radius, 0), (0, height)]), wall),
+        without(of_profile([(0, 0), (0.03, 0), (0, 0.1)]), hollow),
+    )
+    flanged = Shell(Plate(((0, 0), 0.1), 0.02, holes=[((0.04, 0.03), 0.02)]), wall)
+    bored = Plate(((0, 0), 0.096), 0.012, holes=[((0.04, 0.03), 0.024)])
+    assert flanged.volume == pytest.approx(flanged.shape.volume - bored.volume, rel=EXACT)
+    assert (
+        not flanged.contains(np.array([[-0.05, 0.0, 0.0]]))[0] and flanged.contains(np.array([[-0.05, 0.0, 0.009]]))[0]
+    )
 
 
 def test_an_origin_far_away_costs_no_digits() -> None:
@@ -255,6 +301,15 @@ SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
         ),
         (lambda: Plate(SQUARE, 1, [[(0.1, 0.1), (0.9, 0.1), (0.5, 1.2)]]), "not inside"),
         (lambda: Plate(SQUARE, 1, 3), "holes must be a list"),
+        (lambda: Extrusion([(0, 0), (1, 1), (1, 0), (0, 1)], 1), "Extrusion.*meet"),
+        (lambda: Extrusion(SQUARE, 0), "length is 0 m"),
+        (lambda: Extrusion(SQUARE, 1, [((0.9, 0.5), 0.2)]), r"Extrusion.*holes\[0\] is not inside"),
+        (lambda: Shell(Sphere(1), 1), "walls of 1 m meet"),
+        (lambda: Shell(Extrusion(L_SHAPE, 1), 0.026), "walls of 0.026 m meet"),
+        (lambda: Shell(Revolution(NOTCHED), 0.02), "walls of 0.02 m meet"),
+        (lambda: Shell(Sphere(1), 0), "thickness is 0 m"),
+        (lambda: Shell(Sphere(1) + Sphere(1), 0.1), "must be one of Disc, Cylinder.*shape - hollow"),
+        (lambda: Shell(3, 0.1), "must be one of Disc, Cylinder"),
         (lambda: Revolution([(-1, 0), (1, 0), (0, 1)]), "distance from the axis"),
         (lambda: Revolution([(0, 0), (1, 1), (1, 0), (0, 1)]), "meet"),
         (lambda: Box((1, 1, 1)) - Cylinder(0.1, 1.1), "the hole Cylinder at .* is not inside one of its parts"),
@@ -300,6 +355,8 @@ def flywheel() -> pt.Mechanism:
     m.add_solid("knob", Sphere("15 mm"), mass="30 g", position=(0, 0.2, 0), gravity=False)
     m.add_solid("top", Revolution([(0, 0), (0.02, 0.05), (0, 0.06)]), material="oak", orientation=(1, 0.2, 0.3, 0.1))
     m.add_solid("bar", Plate(L_SHAPE, 0.005), material="Aluminium", position=(0, -0.3, 0))
+    m.add_solid("beam", Extrusion(L_SHAPE, 0.3, [((0.03, 0.03), 0.01)]), material="PVC", position=(0, -0.3, 0.2))
+    m.add_solid("float", Shell(Sphere("3 cm"), "1 mm"), material="brass", position=(0.5, 0, 0))
     for i, name in enumerate(m.bodies):
         m.add_revolute(f"J{i}", m.ground, name, point=m.bodies[name].position)
     return m
@@ -413,6 +470,7 @@ def test_bodies_are_drawn_as_their_shapes() -> None:
     kinds = {names[body]: [part["kind"] for part in found] for body, found in parts.items()}
     assert kinds == {
         "wheel": ["mesh", "mesh"], "block": ["mesh"], "knob": ["ball"], "top": ["mesh"], "bar": ["mesh"],
+        "beam": ["mesh"], "float": ["ball"],
     }  # fmt: skip
     assert parts[names.index("knob")] == [{"kind": "ball", "radius": 0.015, "center": [0.0, 0.0, 0.0]}]
     for body, found in parts.items():
@@ -439,10 +497,29 @@ def test_holes_are_open() -> None:
         assert (np.linalg.norm(center - middle, axis=1) > 0.99 * radius).all()
 
 
-def test_blind_holes_count_and_are_not_drawn() -> None:
-    shape = Box((1, 1, 1)) - Cylinder(0.1, 0.5).at((0, 0, 0.25))
-    assert shape.volume == pytest.approx(1 - np.pi * 0.1**2 * 0.5, rel=EXACT)
-    assert [part["kind"] for part in shapes.drawn(shape)] == ["box"]
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Box((1, 1, 1)) - Box((0.2, 0.3, 0.5)).at((0, 0, 0.25)),
+        Box((1, 1, 1)) - Box((0.2, 0.3, 0.5)).at((0.25, 0, 0), [[0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
+        Extrusion(SQUARE, 2) - Box((0.2, 0.3, 0.5)).at((0.5, 0.5, 0.25)) - Box((0.1, 0.1, 2)).at((0.2, 0.2, 1)),
+        Plate(SQUARE, 2, [[(0.1, 0.1), (0.2, 0.1), (0.1, 0.2)]]) - Box((0.4, 0.4, 1)).at((0.5, 0.5, -0.5)),
+    ],
+    ids=["above", "along x", "below", "plate"],
+)  # fmt: skip
+def test_holes_that_do_not_go_through_are_drawn(shape: Shape) -> None:
+    """Of plane faces, so that the volume inside what is drawn is that of the shape."""
+    (part,) = shapes.drawn(shape)
+    points, faces = np.reshape(part["points"], (-1, 3)), np.reshape(part["faces"], (-1, 3))
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    assert part["kind"] == "mesh" and part["closed"]
+    assert np.einsum("ni,ni->", a, np.cross(b, c)) / 6.0 == pytest.approx(shape.volume, rel=1e-7)
+
+
+def test_what_is_not_seen_and_slots_are_not_drawn() -> None:
+    slot = Box((1, 1, 1)) - Box((0.2, 1, 0.3)).at((0, 0, 0.35))
+    for shape in (slot, Box((1, 1, 1)) - Cylinder(0.1, 0.5), Shell(Box((1, 1, 1)), 0.1)):
+        assert [part["kind"] for part in shapes.drawn(shape)] == ["box"]
 
 
 def test_a_stored_run_is_drawn_with_its_shapes(tmp_path: Path) -> None:

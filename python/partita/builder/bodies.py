@@ -196,6 +196,17 @@ def density_of(solid: Solid) -> float:
     return solid.value if solid.word == "density" else solid.value / solid.shape.volume
 
 
+def radius_of(element: Element, what: str, value: Any) -> Any:
+    """The radius of a shape that is given in place of it; anything else unchanged."""
+    if not isinstance(value, Shape):
+        return value
+    found = getattr(getattr(value, "shape", value), "radius", None)  # of a shell that of its outer shape
+    if found is None:
+        about = f"{what} is a {type(value).__name__}, which has no radius"
+        element.fail(f"{about}; give a Sphere, a Disc, a Cylinder or a number in metres")
+    return found
+
+
 def resolve(mechanism: Drawing, asker: Element, what: str, body: Body | str, *, ground: bool = True) -> str:
     """Name of the body given by a handle or a name."""
     name = own_name(mechanism, asker, what, body, Body)

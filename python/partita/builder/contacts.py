@@ -6,20 +6,37 @@ is discontinuous, and a run takes small steps there; the stiffer the contact, th
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from numpy.typing import ArrayLike
 
+from ..shapes import Shape
 from ..units import Quantity
-from .declaration import BETWEEN, Load, amount, heading, place, side
+from .bodies import radius_of
+from .checks import number
+from .declaration import BETWEEN, Call, Field, Load, amount, heading, place, side
 from .drawing import Drawing
 from .joint_loads import per_power
 from .records import GROUND, Body, Force
 
+
+def _radius(least: float | None = None, above: float | None = None) -> Field:
+    """A radius, or the shape whose radius it is."""
+
+    def check(call: Call, what: str, value: Any, unit: Any) -> float:
+        radius = radius_of(call.element, what, value)
+        return number(call.element, what, radius, unit, least=least, above=above)
+
+    return replace(amount("m", least=least, above=above), check=check)
+
+
 CONTACT = Load(
     "contact",
     **BETWEEN,
-    radius1=amount("m", least=0.0),
+    radius1=_radius(least=0.0),
     normal=heading(),
-    radius2=amount("m", above=0.0),
+    radius2=_radius(above=0.0),
     stiffness=amount(lambda call: per_power("N", "m", call["exponent"]), least=0.0, absent=0.0),
     exponent=amount(least=1.0, kept=True),
     damping=amount("s/m", least=0.0),
@@ -35,7 +52,7 @@ TYRE = Load(
     body=side(ground=False),
     center=place("body"),
     axis=heading(),
-    radius=amount("m", above=0.0),
+    radius=_radius(above=0.0),
     ground=side(),
     point=place("ground", kept=True),
     normal=heading(),
@@ -60,10 +77,10 @@ def add_contact(
     body2: Body | str,
     point2: ArrayLike,
     *,
-    radius1: Quantity,
+    radius1: Quantity | Shape,
     stiffness: Quantity | None = None,
     normal: ArrayLike | None = None,
-    radius2: Quantity | None = None,
+    radius2: Quantity | Shape | None = None,
     restitution: float | None = None,
     exponent: float = 1.5,
     damping: Quantity = 0.0,
@@ -77,6 +94,8 @@ def add_contact(
     (Hunt and Crossley, J. Appl. Mech. 42, 1975); nothing acts before they touch. For elastic spheres of one material
     Hertz's law has exponent 1.5 and stiffness 4/3 E* sqrt(R), 1/R = 1/radius1 + 1/radius2. The force acts at the plane,
     or midway in the overlap of two spheres. Friction opposes sliding there with N times the law of `add_friction`.
+
+    A shape that has a radius may stand for it, such as `ball.shape`; a disc has the contact of a sphere too.
 
     With a `restitution` in place of a stiffness the contact is rigid and smooth: bodies never overlap, they bounce
     (Newton's law) and rest on each other as long as they press. A run finds the impacts; `run.events` has them with the
@@ -101,10 +120,12 @@ def add_contact(
 
     >>> import partita as pt
     >>> m = pt.Mechanism("ball")
-    >>> ball = m.add_body("ball", mass=0.1, inertia=(4e-5, 4e-5, 4e-5), position=(0, 0.5, 0))
+    >>> ball = m.add_solid("ball", pt.shapes.Sphere("30 mm"), mass=0.1, position=(0, 0.5, 0))
     >>> contact = m.add_contact(
-    ...     "floor", ball, (0, 0, 0), m.ground, (0, 0, 0), radius1=0.03, normal=(0, 1, 0), stiffness=1e6
+    ...     "floor", ball, (0, 0, 0), m.ground, (0, 0, 0), radius1=ball.shape, normal=(0, 1, 0), stiffness=1e6
     ... )
+    >>> contact.radius1
+    0.03
     >>> run = m.simulate(0.35)
     >>> bool(run.body("ball").velocity[-1, 1] > 2.5)   # it came down and goes up again
     True
@@ -137,7 +158,7 @@ def add_tyre(
     *,
     center: ArrayLike,
     axis: ArrayLike,
-    radius: Quantity,
+    radius: Quantity | Shape,
     normal: ArrayLike,
     stiffness: Quantity,
     ground: Body | str = GROUND,
@@ -154,7 +175,7 @@ def add_tyre(
     N = stiffness d (1 + damping dd/dt), never down. Slip forces act where the radius to that point meets the road. With
     the velocity s of the wheel's material there, along the wheel and across it, and the speed V of the centre along the
     wheel, z = (longitudinal s_x, lateral s_y) / sqrt(V^2 + slow_speed^2) and the force is -z / sqrt(1 + |z|^2 /
-    (friction N)^2): linear at small slip, never above friction N.
+    (friction N)^2): linear at small slip, never above friction N. `wheel.shape`, a disc, may stand for its radius.
 
     Args:
         name: unique among the forces.

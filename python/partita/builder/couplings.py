@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..shapes import Shape
 from ..tolerance import EQUAL
 from ..units import Quantity
-from .bodies import resolve
+from .bodies import radius_of, resolve
 from .checks import Element, choice, direction, name_of, number, numbers, switch, takes
 from .drawing import Drawing
 from .measures import Along, BodyLike, Coordinate, Distance, drawn, measure, measured_in
@@ -344,7 +345,7 @@ def add_rolling(
     self: Drawing,
     name: str,
     body: BodyLike,
-    radius: Quantity,
+    radius: Quantity | Shape,
     *,
     center: ArrayLike = (0.0, 0.0, 0.0),
     axis: ArrayLike = (0.0, 0.0, 1.0),
@@ -357,7 +358,7 @@ def add_rolling(
     """Let a disc (a wheel with a sharp edge) or a ball roll on a plane without slipping.
 
     Contact is one constraint on positions; rolling adds two nonholonomic constraints on velocities, which leave every
-    position accessible.
+    position accessible. A shape that has a radius may stand for it, such as `wheel.shape`.
 
     Args:
         body: the rolling body; `center` [m] and `axis` of the disc are in its axes.
@@ -382,7 +383,7 @@ def add_rolling(
         "body": roller,
         "center": point_on(self, element, "center", center, roller).tolist(),
         "axis": None if switch(element, "ball", ball) else direction(element, "axis", axis).tolist(),
-        "radius": _positive(element, "radius", radius),
+        "radius": _positive(element, "radius", radius_of(element, "radius", radius)),
         "on": carrier,
         "point": point_on(self, element, "point", point, carrier).tolist(),
         "normal": direction(element, "normal", normal).tolist(),

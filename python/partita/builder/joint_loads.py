@@ -314,7 +314,8 @@ def add_gas_spring(
 
     With x the coordinate from its drawn position the effort on the child is force / (1 + x / length)^exponent: the
     column is `length` long as drawn and grows with x. A negative force pushes the coordinate back, and the column gets
-    shorter as x grows. The motion cannot compress it to zero length, since the effort would become infinite.
+    shorter as x grows. The motion cannot compress it to zero length, since the effort would become infinite. Between
+    two points, as of a lid, it is `add_gas_strut`.
 
     Args:
         joint: the joint or its name, in the tree or closing a loop; not a coordinate that is part of a quaternion.

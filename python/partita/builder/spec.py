@@ -12,7 +12,7 @@ import numpy as np
 
 from ..products import norm
 from ..sensing import Senses
-from ..shapes import plain_of
+from ..shapes import drawn, has_mesh, plain_of
 from ..state import Layout
 from .bodies import to_world
 from .integrals import rate_of
@@ -237,7 +237,9 @@ def _body(record: BodyRecord) -> dict[str, Any]:
 def _shape(record: BodyRecord) -> dict[str, Any]:
     """How it looks, where that is known."""
     if record.solid is not None:
-        return {"kind": "solid", "form": plain_of(record.solid.shape)}
+        shape = record.solid.shape
+        picture = {"drawn": drawn(shape)} if has_mesh(shape) else {}  # whoever reads this may not have its file
+        return {"kind": "solid", "form": plain_of(shape), **picture}
     return {"kind": "auto"} if record.rod is None else {"kind": "rod", "length": record.rod[2]}
 
 

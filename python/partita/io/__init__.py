@@ -71,7 +71,14 @@ def _xml(path: Path, request: Request) -> robot.Robot:
 def _toml(path: Path, make: Maker, request: Request) -> Any:
     _loops_of("TOML", request)
     reading = Reading(path, "TOML", used=[Remark(None, "everything")])
-    mechanism: Any = toml.read(path, make, repair.of_reading(reading) if request.inertia == "repair" else None)
+
+    def opened(name: str) -> Path:
+        found, why = request.found(path, name)
+        if found is None:
+            raise FileFormatError(f'the mesh "{name}" is not opened: {why}', path=str(path), line=None)
+        return found
+
+    mechanism: Any = toml.read(path, make, repair.of_reading(reading) if request.inertia == "repair" else None, opened)
     mechanism.reading = reading
     return mechanism
 

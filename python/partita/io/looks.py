@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import MissingDependencyError
+from ..extras import wanted
 from ..products import matmul, nearest_rotation
 from .reading import Remark
 from .request import Request
 
 Array = NDArray[np.float64]
 
-MESHES = (".stl", ".obj", ".glb", ".gltf")
+MESHES = (".stl", ".obj", ".glb", ".gltf", ".dae")
 
 
 @dataclass
@@ -33,6 +35,11 @@ def mesh_file(request: Request, model: Path, name: str) -> tuple[Path | None, st
     ending = Path(name).suffix.lower()
     if ending not in MESHES:
         return None, f"meshes are read from {', '.join(MESHES)}, not {ending or 'a file without an ending'}"
+    if ending == ".dae":
+        try:
+            wanted(("collada",), "meshes", "drawing COLLADA")
+        except MissingDependencyError as error:  # how a robot looks does not decide whether it is read
+            return None, error.message
     found, why = request.found(model, name)
     if found is not None and not found.is_file():
         return None, "it is a folder"

@@ -24,6 +24,7 @@ from ..tolerance import EQUAL_IN_SIX_DIGITS
 from . import closings
 from .format_table import content, remark
 from .mjcf_counts import check, check_compiled, check_numbers
+from .mjcf_looks import looks_of
 from .mjcf_table import (
     ACTUATORS,
     CONTACT,
@@ -354,8 +355,10 @@ class _Reader:
         touching = int(np.count_nonzero(m.geom_contype | m.geom_conaffinity)) if m.ngeom else 0
         if touching and not self.off("contact", "constraint"):
             self.dropped(self.root, CONTACT, f"{touching} geoms", "bounds")
-        if m.ngeom:
-            self.dropped(self.root, "the geoms of MJCF are not drawn", f"{m.ngeom} geoms", "looks")
+        robot, (looks, lost) = self.made, looks_of(self.mujoco, m, self.link)
+        robot.looks += looks
+        for kind, count in lost.items():
+            self.dropped(self.root, "has no shape that could be drawn", f"{kind} of {count} geoms", "looks")
 
     def body(self, i: int) -> None:
         m, robot = self.model, self.made

@@ -16,13 +16,13 @@ from .xmltree import Element, refuse
 
 _ASKED: dict[str, tuple[tuple[str, ...], int]] = {
     "hfield": (("nrow", "ncol"), 1),
-    "texture": (("width", "height"), 18),
     "numeric": (("size",), 1),
     "composite": (("count",), 64),
     "flexcomp": (("count",), 64),
     "mesh": (("params",), 1),
 }
-"""Attributes whose product counts what an element generates, and how many numbers each takes."""
+"""Attributes whose product counts what an element generates, and how many numbers each takes; those of textures count
+for nothing, since none is made."""
 _TABLES = ("nkey", "nuserdata")
 """Attributes of <size> that count tables for the whole model; those that begin with nuser_ count numbers of each
 element."""

@@ -91,7 +91,7 @@ class Reading:
         changed: what stands in the model otherwise than in the file.
         dropped: what the model does not have.
         stands: why nothing moves where nothing does, with what to do; "" where the file does not say so.
-        shapes: how its bodies look, where the file says so; `run.to_html(path, shapes=m.reading.shapes)` draws them.
+        shapes: how its bodies look, where the file says so; pages draw them so unless they are given others.
     """
 
     path: Path
@@ -139,7 +139,7 @@ class Reading:
         return "\n".join(parts)
 
     def to_dict(self) -> dict[str, object]:
-        """All of it, ready for JSON.
+        """All of it, ready for JSON; of meshes without a file the numbers of points and triangles.
 
         >>> from pathlib import Path
         >>> from partita.io.reading import Reading, Remark
@@ -150,5 +150,10 @@ class Reading:
             "path": str(self.path),
             "kind": self.kind,
             "remarks": [group.to_dict() for group in self.remarks],
-            "shapes": self.shapes,
+            "shapes": {name: [_plain(shape) for shape in shapes] for name, shapes in self.shapes.items()},
         }
+
+
+def _plain(shape: dict[str, Any]) -> dict[str, Any]:
+    """Of a mesh that is given itself the numbers of its points and triangles."""
+    return {word: len(value) if word in ("points", "faces") else value for word, value in shape.items()}

@@ -71,7 +71,11 @@ Mend = Callable[[dict[str, Any]], dict[str, Any]]
 """Changes the arguments of a body before it is made."""
 
 
-def read(path: Path, make: Maker, mend: Mend | None = None) -> Any:
+Opened = Callable[[str], Path]
+"""The file of some name that a model file refers to."""
+
+
+def read(path: Path, make: Maker, mend: Mend | None = None, opened: Opened | None = None) -> Any:
     """The mechanism in a TOML file. Raises `FileFormatError` with the line of what is wrong."""
     content = get(path, "model_bytes")
     if (kind := other(content)) is not None:
@@ -80,7 +84,7 @@ def read(path: Path, make: Maker, mend: Mend | None = None) -> Any:
         text = content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise FileFormatError(f'"{path}" cannot be read as UTF-8 text: {error}', path=str(path), line=None) from error
-    mechanism = parse(text, make, str(path), mend)
+    mechanism = parse(text, make, str(path), mend, opened)
     if intact(content) is True:
         as_given(mechanism._description)
     if intact(content) is False:
@@ -93,14 +97,14 @@ def read(path: Path, make: Maker, mend: Mend | None = None) -> Any:
     return mechanism
 
 
-def parse(text: str, make: Maker, path: str = "text", mend: Mend | None = None) -> Any:
-    """The mechanism in a TOML text; `path` is named in errors."""
+def parse(text: str, make: Maker, path: str = "text", mend: Mend | None = None, opened: Opened | None = None) -> Any:
+    """The mechanism in a TOML text; `path` is named in errors, `opened` finds files of meshes."""
     if len(text) > limits.limit("marks"):
         limits.refuse_above("marks", _marks(text.encode("utf-8", "replace")), path)
     with _growing():
         content, begins = _core.parse_toml(text, path)
         file = _File(path, text, json.loads(content), json.loads(begins))
-        return file.mechanism(make, mend)
+        return file.mechanism(make, mend, opened)
 
 
 _NO_MARKS = bytes(sorted(set(range(256)) - set(b"\n[]{}=,#.")))
@@ -128,7 +132,7 @@ def _growing() -> Iterator[None]:
 
 def write(mechanism: Builder, path: Path) -> None:
     """Write a mechanism to a TOML file."""
-    text = f"{document(mechanism)}\n{SEAL}{BLANK}\n"
+    text = f"{document(mechanism, path.parent)}\n{SEAL}{BLANK}\n"
     put(path, sealed(text.encode("utf-8")))
 
 
@@ -138,7 +142,7 @@ class _File:
     def __init__(self, path: str, text: str, content: dict[str, Any], begins: dict[str, list[int]]) -> None:
         self.path, self.text, self.content, self.begins = path, text, content, begins
 
-    def mechanism(self, make: Maker, mend: Mend | None) -> Any:
+    def mechanism(self, make: Maker, mend: Mend | None, opened: Opened | None) -> Any:
         """Check the content by the schema, then pass it to the object that `make` makes."""
         try:
             schema.check(self.content)
@@ -156,7 +160,7 @@ class _File:
             for kind, pointer, item in self._in_order(tables):
                 method, arguments = _call_of(kind, item)
                 if kind == "solid":
-                    arguments["shape"] = self._call(pointer, shape_of, {"plain": arguments["shape"]})
+                    arguments["shape"] = self._call(pointer, shape_of, {"plain": arguments["shape"], "opened": opened})
                 if mend is not None and kind == "body":
                     arguments = mend(arguments)
                 self._call(pointer, getattr(mechanism, method), arguments)
@@ -178,7 +182,7 @@ class _File:
         """Call the builder; its errors are reported with the line."""
         try:
             return function(**arguments)
-        except (DescriptionError, UnknownNameError, ArgumentError, EvaluationError) as error:
+        except (DescriptionError, UnknownNameError, ArgumentError, EvaluationError, FileFormatError) as error:
             raise self._error(pointer, error.message) from error
 
     def _error(self, pointer: str, sentence: str) -> FileFormatError:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,21 +34,22 @@ _WIDTH = 110
 Entries = dict[str, Any]
 
 
-def document(mechanism: Builder) -> str:
-    """The text of the file. Raises `DescriptionError`, which names the first Python function found."""
+def document(mechanism: Builder, folder: Path | None = None) -> str:
+    """The text of a file in this folder, or in the working folder: files of meshes are named as seen from there. Raises
+    `DescriptionError`, which names the first Python function found."""
     d = mechanism._description
     changing, element = d.changing_gravity, Element("mechanism", d.name)
     gravity = d.gravity if changing is None else _vector(element, changing)
     tolerance = None if d.drawing_tolerance == DRAWING_TOLERANCE else d.drawing_tolerance
     entries = {"partita": VERSION, "name": d.name, "gravity": gravity, "drawing_tolerance": tolerance}
     head = _table("[mechanism]", entries)
-    return "\n".join([head, *_tables(mechanism)])
+    return "\n".join([head, *_tables(mechanism, Path.cwd() if folder is None else folder)])
 
 
-def _tables(mechanism: Builder) -> Iterator[str]:
+def _tables(mechanism: Builder, folder: Path) -> Iterator[str]:
     d = mechanism._description
     for body in d.bodies.values():
-        kind, entries = _of_body(body)
+        kind, entries = _of_body(body, folder)
         yield _table(f"[[{kind}]]", entries)
     for joint in d.joints.values():
         yield _table("[[joint]]", _joint(joint))
@@ -65,6 +68,11 @@ def _tables(mechanism: Builder) -> Iterator[str]:
         yield _force(force)
     for sensor in d.sensors.values():
         yield _table("[[sensor]]", _sensor(sensor))
+
+
+def numbers_of(record: BodyRecord) -> str:
+    """The table of a body by its mass and its inertia, whatever it is made of."""
+    return _table("[[body]]", _body(record))
 
 
 def _sensor(record: SensorRecord) -> Entries:
@@ -89,11 +97,20 @@ def _sensor(record: SensorRecord) -> Entries:
     return {"name": record.name, "of": of, **entries, "unit": record.unit, "text": record.text}
 
 
-def _of_body(record: BodyRecord) -> tuple[str, Entries]:
+def _of_body(record: BodyRecord, folder: Path) -> tuple[str, Entries]:
     """The table of a body, and its entries."""
     if record.solid is not None:
+
+        def called(file: Path) -> str:
+            try:
+                return Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
+            except ValueError:
+                Element("body", record.name).fail(
+                    f'its mesh "{file}" is on another drive than the model file; put it into the folder of the file'
+                )
+
         of = {record.solid.word: record.solid.value}
-        return "solid", {"name": record.name, "shape": plain_of(record.solid.shape), **of, **_pose_of(record)}
+        return "solid", {"name": record.name, "shape": plain_of(record.solid.shape, called), **of, **_pose_of(record)}
     return ("body", _body(record)) if record.rod is None else ("rod", _rod(record))
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from .. import options as run_options
 from ..builder import Builder
 from ..builder.compiled import CompiledModel, compile_description
+from ..builder.records import GROUND
 from ..builder.remarks import remarks
 from ..errors import DescriptionError
 from ..extras import check_not_ending
@@ -31,6 +32,12 @@ class Modelled(Builder):
     def __getstate__(self) -> dict[str, object]:
         """The description alone: models are compiled again on request."""
         return {**self.__dict__, "_compiled": {}, "_remarked": (-1, ())}
+
+    def _looks(self) -> dict[str, Any]:
+        """How bodies look by the file that they were read from."""
+        reading = getattr(self, "reading", None)
+        known = self._description.bodies
+        return {} if reading is None else {name: x for name, x in reading.shapes.items() if name in (GROUND, *known)}
 
     def _remarks(self) -> tuple[str, ...]:
         """What is nearly surely a mistake in the present description, logged once."""

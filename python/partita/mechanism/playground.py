@@ -9,7 +9,7 @@ from pathlib import Path
 from .. import options as run_options
 from ..errors import ArgumentError
 from ..files import put, target
-from ..io.toml_writer import document
+from ..io.toml_writer import document, numbers_of
 from ..naming import Names, coordinate_units
 from ..numeric import shown
 from ..playground import PULL, Program, changeable, functions_of, held, html, program
@@ -83,7 +83,8 @@ def playground_page(
     name = self.name if title is None else title
     start = _start(self, initial)
     made = recorded(self, start)
-    seen = {"scene": scene_of(still(self, start), name), "toml": _file(self)}
+    solids = {body.name: numbers_of(body) for body in self._description.bodies.values() if body.solid is not None}
+    seen = {"scene": scene_of(still(self, start), name), "toml": _file(self), "solids": solids}
     return html(made, name, seen, speed, ("partita.viewer", DRAWS))
 
 

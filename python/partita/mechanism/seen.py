@@ -128,12 +128,13 @@ def plot(
     'x [m]'
     """
     from ..plots.position import plot_position
+    from ..viewer.hints import looking
     from ..viewer.still import picture
 
     found = still(self, state)
     if not found.bodies:
         raise _nothing(self)
-    drawn = picture(found, SIZE, "", shapes, points)
+    drawn = looking(shapes, self._looks(), lambda seen: picture(found, SIZE, "", seen, points))
     return plot_position(found.title, drawn, found.message, path, ax)
 
 
@@ -314,6 +315,7 @@ def _page(
     shapes: Mapping[str, Any] | None,
     points: Mapping[str, Any] | None,
 ) -> str:
+    from ..viewer.hints import looking
     from ..viewer.still import still_page
 
     if title is not None and not isinstance(title, str):
@@ -321,7 +323,7 @@ def _page(
     found = still(self, state)
     if not found.bodies:
         raise _nothing(self)
-    return still_page(found, title, shapes, points)
+    return looking(shapes, self._looks(), lambda seen: still_page(found, title, seen, points))
 
 
 def _nothing(self: Modelled) -> ArgumentError:

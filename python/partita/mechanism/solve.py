@@ -501,6 +501,7 @@ def simulate(
         options=chosen.of(wanted),
         sensors=model.sensors,
         events=() if watched is None else watched.names,
+        looks=self._looks(),
     )
     if logger.isEnabledFor(INFO):  # what it says is computed when it is read
         outputs, steps = len(result.t), result.counters.get("steps", 0)

@@ -21,6 +21,7 @@ from ..sensing import Reader, StateSignals, at_once, plain
 from ..state import Layout, State
 from ..tolerance import ATOL, RTOL
 from ..units import Quantity
+from ..viewer.hints import looking
 from ..viewer.live import LiveView, Poses
 from .events import observed
 from .inputs import Courses, Input, chosen, inputs_of
@@ -94,6 +95,7 @@ class Stepper:
         self._now: State | None = None
         self._here: Result | None = None
         self._view: LiveView | None = None
+        self._looks: dict[str, Any] = {}
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -221,7 +223,7 @@ class Stepper:
         the first page.
 
         Args:
-            shapes: solids to draw instead of the default shapes, as in `partita.viewer.html`.
+            shapes: solids to draw instead of the default shapes, as in `Result.to_html`.
             host: who has access: "127.0.0.1" only this machine, "0.0.0.0" everybody in the network.
             port: port on which it is served; if it is in use, the next free one is taken; 0: any free one.
 
@@ -239,8 +241,9 @@ class Stepper:
         if self._view is not None:
             self._view.close()
         at = self._reported(*self._core.here(), self.time)
-        self._view = LiveView(at, self._poses, shapes, host, port)
-        return self._view
+        view = looking(shapes, self._looks, lambda seen: LiveView(at, self._poses, seen, host, port))
+        self._view = view
+        return view
 
     def _poses(self) -> Poses:
         now = self.state
@@ -275,6 +278,7 @@ class Stepper:
             options=options,
             sensors=model.sensors,
             events=() if self._watched is None else self._watched.names,
+            looks=self._looks,
         )
 
     def _wanted(self, u: Any) -> Array:
@@ -401,4 +405,6 @@ def stepper(
             "sim.events after each step",
             argument="events",
         )
-    return Stepper((model, acting), layout, start, given, options, length, int(substeps), bool(record), watched)
+    made = Stepper((model, acting), layout, start, given, options, length, int(substeps), bool(record), watched)
+    made._looks = self._looks()
+    return made

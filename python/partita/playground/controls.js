@@ -275,7 +275,7 @@ function model() {
     const drive = motion.rates.find((one) => one.name === name);
     if (drive.breaks.length) without.push(name); else drives[name] = { level: drive.level, value };
   }
-  const made = toToml(about.toml, numbers.changed(), drives);
+  const made = toToml(about.toml, numbers.changed(), drives, about.solids);
   made.missing.push(...without);
   return made;
 }

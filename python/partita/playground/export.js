@@ -21,12 +21,19 @@ function tablesOf(lines) {
   return tables;
 }
 
+const OF_BODIES = ["mass", "inertia", "com"]; // of a solid they follow from its shape
+
 /**
- * The model file with other numbers: `text` as drawn, `changed` {name: values}, drives {name: {level, value}}. Returns the text
- * and the names for which the file has no place.
+ * The model file with other numbers: `text` as drawn, `changed` {name: values}, drives {name: {level, value}}, `solids` {name: table}
+ * as bodies, in place of the shapes of those with other numbers. Returns the text and the names for which the file has no place.
  */
-function toToml(text, changed, drives) {
+function toToml(text, changed, drives, solids) {
   const lines = text.split("\n").filter((line) => !line.startsWith("# as saved by")), missing = [];
+  const owners = Object.keys(changed).filter((name) => OF_BODIES.includes(name.slice(name.lastIndexOf(".") + 1)));
+  for (const owner of new Set(owners.map((name) => name.slice(0, name.lastIndexOf("."))))) {
+    const table = tablesOf(lines).find(({ name, first }) => name === owner && lines[first] === "[[solid]]");
+    if (table) lines.splice(table.first, table.end - table.first, ...solids[owner].split("\n"));
+  }
   const put = (owner, key, value) => {
     // names are unique among bodies, and among joints: the one that has the number, or may have it
     const has = ({ first, end }) => lines.slice(first, end).some((line) => line.startsWith(`${key} = `));

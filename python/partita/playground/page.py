@@ -21,7 +21,8 @@ def html(
 ) -> str:
     """The page as text. It contains all it needs and loads nothing; names and titles are escaped.
 
-    `seen` is what is drawn: the scene, the model file. `drawn_by`: the package whose style and scripts draw it.
+    `seen` is what is drawn: the scene, the model file, and the tables of its solids as bodies with
+    numbers. `drawn_by`: the package whose style and scripts draw it.
     """
     about = {**made.about, **seen, "title": title, "speed": speed}
     module = base64.b64encode(made.module).decode("ascii")

@@ -304,8 +304,9 @@ class Result(Run):
     ) -> Path:
         """Write one self-contained page with the animated mechanism; it opens from disk without a network.
 
-        `shapes` draws bodies as boxes, cylinders, wheels, balls, plates, rods; `points` marks points and traces their
-        paths. Both are described at `partita.viewer.html`. Events are marked over the slider of time and listed. The
+        `shapes` draws bodies as boxes, cylinders, wheels, balls, plates, rods; None: as the file of a robot says, where
+        it was read from one, {}: without. `points` marks points and traces their paths. Both are described at
+        `partita.viewer.html`. Events are marked over the slider of time and listed. The
         page is light or dark, as its reader prefers.
 
         >>> import os, tempfile
@@ -321,8 +322,9 @@ class Result(Run):
         'page.html'
         """
         from ..viewer import write_html
+        from ..viewer.hints import looking
 
-        write_html(self, path, title=title, shapes=shapes, points=points)
+        looking(shapes, self._looks, lambda x: write_html(self, path, title=title, shapes=x, points=points))
         return Path(path)
 
     def show(
@@ -341,8 +343,9 @@ class Result(Run):
         >>> page = run.show()                                       # doctest: +SKIP
         """
         from ..viewer import html
+        from ..viewer.hints import looking
 
-        return opened(html(self, title, shapes=shapes, points=points))
+        return opened(looking(shapes, self._looks, lambda x: html(self, title, shapes=x, points=points)))
 
     def save_animation(
         self,
@@ -379,8 +382,12 @@ class Result(Run):
         'bar.gif'
         """
         from ..viewer.film import save_film
+        from ..viewer.hints import looking
 
-        return save_film(self, path, fps=fps, speed=speed, size=size, forces=forces, shapes=shapes, points=points)
+        def film(seen: Mapping[str, Any] | None) -> Path:
+            return save_film(self, path, fps=fps, speed=speed, size=size, forces=forces, shapes=seen, points=points)
+
+        return looking(shapes, self._looks, film)
 
     def __repr__(self) -> str:
         ended = self.status if self.success else f"{self.status.upper()}: {self.message}"

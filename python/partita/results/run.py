@@ -48,6 +48,7 @@ class Run(Motion):
         self._source = source
         self._sensors = sensors
         self._warned = False
+        self._looks: Mapping[str, Any] | None = None
         arrays = record.arrays
         self.t: FloatArray = arrays["t"]
         """(nt,): times of the outputs [s]."""
@@ -75,7 +76,9 @@ class Run(Motion):
         return dict(self._record.options)
 
     def __copy__(self: R) -> R:
-        return type(self)(self._record, self._source, self._sensors)
+        copied = type(self)(self._record, self._source, self._sensors)
+        copied._looks = self._looks
+        return copied
 
     @classmethod
     def from_run(
@@ -88,10 +91,12 @@ class Run(Motion):
         options: Mapping[str, Any] | None = None,
         sensors: Mapping[str, SensorRecord] | None = None,
         events: Sequence[str] = (),
+        looks: Mapping[str, Any] | None = None,
     ) -> R:
         """From what the core returned: `raw` of `simulate`, the compiled `model` it came from, its `summary`.
 
-        `sensors` are those of the description, `events` the names of those that were looked for. `spec` is the
+        `sensors` are those of the description, `events` the names of those that were looked for, `looks` how
+        bodies look by the file that they were read from. `spec` is the
         description compiled, as JSON; None for a hand-written `System`, which has no bodies and joints. Raises
         `Interrupted`, with the result, for a run that Ctrl-C ended.
         """
@@ -106,6 +111,7 @@ class Run(Motion):
             source = ModelSource(model, motion, summary)
             read = LiveSensors(sensors or {}, source, account)
         result = cls(record, source, read)
+        result._looks = looks
         if record.findings:
             result._warn(record.findings)
         if record.status == INTERRUPTED and record.error is None:

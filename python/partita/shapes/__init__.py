@@ -1,4 +1,5 @@
-"""Shapes of bodies as values: discs, cylinders, boxes, balls, plates with holes, turned parts, and sums of these.
+"""Shapes of bodies as values: discs, cylinders, boxes, balls, plates with holes, extrusions, turned parts, hollow
+bodies, meshes out of files, and sums of these.
 
 Each has its exact `volume`, `centroid` and `inertia`, closed forms all of them; `Mechanism.add_solid` makes a body of
 one, and viewers draw it. Lengths are metres, or texts such as "20 mm".
@@ -15,23 +16,30 @@ from __future__ import annotations
 
 from .basic import Box, Cylinder, Disc, Sphere
 from .drawn import drawn
+from .extrusion import Extrusion
 from .materials import MATERIALS
-from .plain import plain_of, shape_of
+from .mesh import Mesh
+from .plain import has_mesh, plain_of, shape_of
 from .plate import Plate
 from .revolution import Revolution
 from .shape import Shape, Sum
+from .shell import Shell
 
 __all__ = [
     "MATERIALS",
     "Box",
     "Cylinder",
     "Disc",
+    "Extrusion",
+    "Mesh",
     "Plate",
     "Revolution",
     "Shape",
+    "Shell",
     "Sphere",
     "Sum",
     "drawn",
+    "has_mesh",
     "plain_of",
     "shape_of",
 ]

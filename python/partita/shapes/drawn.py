@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..tolerance import EQUAL
 from .basic import Box, Cylinder, Disc, Sphere
+from .extrusion import Extrusion
+from .mesh import Mesh
 from .plate import Plate, corners
-from .prism import circle, prism
+from .polygons import distance, inside
+from .prism import Blind, circle, prism
 from .shape import Array, Part, Shape, Skin, Sum
+from .shell import Shell
+from .triangles import MOST_TRIANGLES, simplified
 
 DIGITS = 9
 """Of the corners of triangles."""
@@ -25,7 +30,8 @@ MOST = 3000
 def drawn(shape: Shape) -> list[dict[str, Any]]:
     """Its solids in the axes of the body, as `shapes=` of viewers has them.
 
-    Of the holes of a sum those are drawn that go straight through a disc, a tube, a box or a plate.
+    Of the holes of a sum those are drawn that go straight into a disc, a tube, a plate, an extrusion or a box, through
+    it or not, with material around them; of those in a box the ones along one of its edges.
 
     >>> from partita import shapes
     >>> shapes.drawn(shapes.Sphere(0.1))
@@ -43,12 +49,14 @@ def _drawn(shape: Shape) -> tuple[dict[str, Any], ...]:
 
 
 def _solid(part: Part, holes: list[Part] | None = None) -> dict[str, Any]:
+    if isinstance(part.shape, Shell):  # its hollow is closed
+        return _solid(Part(part.shape.shape, part.position, part.orientation), holes)
     shape, turn = part.shape, np.array(part.orientation)
     center = {"center": [float(x) for x in part.position]}
-    through = [ring for hole in holes or () if (ring := _through(part, hole)) is not None]
-    if through:
-        outline, own, thickness = _prismatic(shape)  # type: ignore[misc]
-        return _mesh(part, prism(outline, [*own, *through], thickness))
+    if holes:
+        turned, taken = max(((one, _taken(one, holes)) for one in _turns(part)), key=lambda found: len(found[1]))
+        if taken:
+            return _mesh(turned, _pierced(turned.shape, taken))
     match shape:
         case Disc(radius, length) | Cylinder(radius, length, 0.0):
             return {"kind": "cylinder", "radius": radius, "length": length, **center, "axis": turn[:, 2].tolist()}
@@ -56,7 +64,21 @@ def _solid(part: Part, holes: list[Part] | None = None) -> dict[str, Any]:
             return {"kind": "ball", "radius": radius, **center}
         case Box(size):
             return {"kind": "box", "size": list(size), **center, "axes": turn.T.tolist()}
+        case Mesh() if len(shape.skin.faces) > MOST_TRIANGLES:
+            fewer = Skin(*simplified(*shape.skin, MOST_TRIANGLES))
+            return {**_mesh(part, fewer), "of": len(shape.skin.faces), "closed": False}
     return _mesh(part, shape.skin)
+
+
+def _turns(part: Part) -> list[Part]:
+    """The same part with axes in other order: a box is a prism along each of its edges."""
+    if not isinstance(part.shape, Box):
+        return [part]
+    turn, found = np.array(part.orientation), []
+    for order in ([0, 1, 2], [1, 2, 0], [2, 0, 1]):
+        size = [part.shape.size[k] for k in order]
+        found.append(Part(Box(size), part.position, tuple(map(tuple, turn[:, order].tolist()))))
+    return found
 
 
 def _mesh(part: Part, skin: Skin) -> dict[str, Any]:
@@ -90,32 +112,76 @@ def _divided(skin: Skin) -> Skin:
     return Skin(points, faces)
 
 
-def _prismatic(shape: Shape, beside: float | None = None) -> tuple[Array, list[Array], float] | None:
-    """Outline, holes and thickness along z of a shape that is a prism, in a figure that is `beside` in size."""
+class _Prism(NamedTuple):
+    """Outline and holes, from `low` to `high` along z."""
+
+    outline: Array
+    holes: list[Array]
+    low: float
+    high: float
+
+
+def _prismatic(shape: Shape, beside: float | None = None) -> _Prism | None:
+    """A shape that is a prism along z, in a figure that is `beside` in size."""
     match shape:
         case Disc(radius, thickness):
-            return circle((0.0, 0.0), radius, beside), [], thickness
+            return _Prism(circle((0.0, 0.0), radius, beside), [], -0.5 * thickness, 0.5 * thickness)
         case Cylinder(radius, length, inner):
-            return circle((0.0, 0.0), radius, beside), [circle((0.0, 0.0), inner)] if inner else [], length
+            bore = [circle((0.0, 0.0), inner)] if inner else []
+            return _Prism(circle((0.0, 0.0), radius, beside), bore, -0.5 * length, 0.5 * length)
         case Box(size):
             x, y = 0.5 * size[0], 0.5 * size[1]
-            return np.array([[-x, -y], [x, -y], [x, y], [-x, y]]), [], size[2]
-        case Plate(outline, thickness, holes):
+            around = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+            return _Prism(around, [], -0.5 * size[2], 0.5 * size[2])
+        case Plate(outline, long, holes) | Extrusion(outline, long, holes):
             extent = float(np.ptp(corners(outline), axis=0).max())
-            return corners(outline, beside), [corners(hole, extent) for hole in holes], thickness
+            low = -0.5 * long if isinstance(shape, Plate) else 0.0
+            return _Prism(corners(outline, beside), [corners(hole, extent) for hole in holes], low, low + long)
     return None
 
 
-def _through(part: Part, hole: Part) -> Array | None:
-    """The outline (n, 2), in the axes of a prism, of a prismatic hole straight through it; None for any other hole."""
+def _taken(part: Part, holes: list[Part]) -> list[_Prism]:
+    """Prismatic holes that begin at an end of a prism, in its axes."""
     whole = _prismatic(part.shape)
-    taken = None if whole is None else _prismatic(hole.shape, float(np.ptp(whole[0], axis=0).max()))
-    if whole is None or taken is None or taken[1]:
-        return None
-    outline, half = taken[0], np.full((len(taken[0]), 1), 0.5 * taken[2])
-    ends = [part.back(hole.placed(np.hstack([outline, side]))) for side in (-half, half)]
-    margin, face = EQUAL * whole[2], 0.5 * whole[2]
-    parallel = all(np.ptp(end[:, 2]) <= margin for end in ends)
-    reached = {float(np.sign(end[0, 2])) for end in ends if abs(abs(end[0, 2]) - face) <= margin}
-    inside = part.shape.contains(ends[0], EQUAL * float(np.ptp(whole[0]))).all()
-    return ends[0][:, :2] if parallel and reached == {-1.0, 1.0} and inside else None
+    if whole is None:
+        return []
+    found, extent = [], float(np.ptp(whole.outline, axis=0).max())
+    margin = EQUAL * (whole.high - whole.low)
+    for hole in holes:
+        taken = _prismatic(hole.shape, extent)
+        if taken is None or taken.holes:
+            continue
+        ends = []
+        for z in (taken.low, taken.high):
+            level = np.full((len(taken.outline), 1), z)
+            ends.append(part.back(hole.placed(np.hstack([taken.outline, level]))))
+        low, high = sorted(float(end[0, 2]) for end in ends)
+        low = whole.low if abs(low - whole.low) <= margin else low
+        high = whole.high if abs(high - whole.high) <= margin else high
+        straight = all(np.ptp(end[:, 2]) <= margin for end in ends)
+        meets = (low == whole.low or high == whole.high) and whole.low <= low and high <= whole.high
+        ring = ends[0][:, :2]
+        if straight and meets and part.shape.contains(ends[0], EQUAL * extent).all() and _within(ring, whole, extent):
+            found.append(_Prism(ring, [], low, high))
+    return found
+
+
+def _within(ring: Array, whole: _Prism, extent: float) -> bool:
+    """Whether a hole has material all around it: one that reaches the outline is a slot."""
+    apart = all(distance(ring, around).min() > EQUAL * extent for around in (whole.outline, *whole.holes))
+    return bool(apart and inside(ring, whole.outline).all())
+
+
+def _pierced(shape: Shape, taken: list[_Prism]) -> Skin:
+    whole = _prismatic(shape)
+    assert whole is not None
+    middle = 0.5 * (whole.low + whole.high)
+    through = [hole.outline for hole in taken if (hole.low, hole.high) == (whole.low, whole.high)]
+    blind = [
+        Blind(hole.outline, hole.low - middle, True) if hole.high == whole.high
+        else Blind(hole.outline, hole.high - middle, False)
+        for hole in taken
+        if (hole.low, hole.high) != (whole.low, whole.high)
+    ]  # fmt: skip
+    points, faces = prism(whole.outline, [*whole.holes, *through], whole.high - whole.low, blind)
+    return Skin(points + np.array([0.0, 0.0, middle]), faces)

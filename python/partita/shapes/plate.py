@@ -49,74 +49,95 @@ class Plate(Shape):
 
     def __post_init__(self) -> None:
         thickness = given.length("Plate", "thickness", self.thickness)
-        outline = _figure("outline", self.outline)
-        if not is_list(self.holes):
-            given.fail("Plate", f"holes must be a list of circles and polygons, not {shown(self.holes)}")
-        holes = tuple(_figure(f"holes[{i}]", hole) for i, hole in enumerate(self.holes))
-        boxes = np.array([_box(hole) for hole in holes]).reshape(-1, 2, 2)
-        for i, hole in enumerate(holes):
-            if not _within(hole, outline):
-                given.fail("Plate", f"holes[{i}] is not inside the outline; what lies outside cannot be taken off")
-            near = (boxes[:i, 0] <= boxes[i, 1]).all(axis=1) & (boxes[:i, 1] >= boxes[i, 0]).all(axis=1)
-            for j in np.flatnonzero(near).tolist():
-                if not _apart(hole, holes[j]):
-                    given.fail("Plate", f"holes[{j}] and holes[{i}] overlap; give one outline around both")
+        outline, holes = figures("Plate", self.outline, self.holes)
         for word, value in (("outline", outline), ("thickness", thickness), ("holes", holes)):
             object.__setattr__(self, word, value)
 
     def _moments(self) -> Moments:
-        parts = [(1.0, _flat(self.outline)), *((-1.0, _flat(hole)) for hole in self.holes)]
-        area = sum(sign * own[0] for sign, own in parts)
-        middle = sum((sign * own[0] * own[1] for sign, own in parts), np.zeros(2)) / area
-        second = np.zeros((2, 2))
-        for sign, (own_area, centroid, own) in parts:
-            second = second + sign * (own + own_area * np.outer(centroid - middle, centroid - middle))
-        volume, across = area * self.thickness, area * self.thickness**3 / 12.0
-        inertia = np.zeros((3, 3))
-        inertia[:2, :2] = self.thickness * (np.trace(second) * np.eye(2) - second) + across * np.eye(2)
-        inertia[2, 2] = self.thickness * np.trace(second)
-        return Moments(float(volume), np.array([*middle, 0.0]), inertia)
+        return of_prism(self.outline, self.holes, self.thickness)
 
     def _skin(self) -> Skin:
-        outline = corners(self.outline)
-        size = float(np.ptp(outline, axis=0).max())
-        return prism(outline, [corners(hole, size) for hole in self.holes], self.thickness)
+        return on_prism(self.outline, self.holes, self.thickness)
 
     def contains(self, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
         """Whether points (n, 3) lie inside, or outside by less than `margin` [m]."""
-        half = 0.5 * self.thickness
-        found = np.abs(points[:, 2]) <= half + margin
-        found &= _depth(points[:, :2], self.outline) >= -margin
-        for hole in self.holes:
-            found &= _depth(points[:, :2], hole) <= margin
-        return np.asarray(found)
+        return in_prism(points, self.outline, self.holes, self.thickness, margin)
+
+
+def figures(shape: str, outline: Any, holes: Any) -> tuple[Any, tuple[Any, ...]]:
+    """An outline and the holes in it as tuples of numbers in SI, checked."""
+    around = _figure(shape, "outline", outline)
+    if not is_list(holes):
+        given.fail(shape, f"holes must be a list of circles and polygons, not {shown(holes)}")
+    found = tuple(_figure(shape, f"holes[{i}]", hole) for i, hole in enumerate(holes))
+    boxes = np.array([_box(hole) for hole in found]).reshape(-1, 2, 2)
+    for i, hole in enumerate(found):
+        if not _within(hole, around):
+            given.fail(shape, f"holes[{i}] is not inside the outline; what lies outside cannot be taken off")
+        near = (boxes[:i, 0] <= boxes[i, 1]).all(axis=1) & (boxes[:i, 1] >= boxes[i, 0]).all(axis=1)
+        for j in np.flatnonzero(near).tolist():
+            if not _apart(hole, found[j]):
+                given.fail(shape, f"holes[{j}] and holes[{i}] overlap; give one outline around both")
+    return around, found
+
+
+def of_prism(outline: Any, holes: tuple[Any, ...], thickness: float) -> Moments:
+    """Of an outline with holes, from -thickness/2 to thickness/2."""
+    parts = [(1.0, _flat(outline)), *((-1.0, _flat(hole)) for hole in holes)]
+    area = sum(sign * own[0] for sign, own in parts)
+    middle = sum((sign * own[0] * own[1] for sign, own in parts), np.zeros(2)) / area
+    second = np.zeros((2, 2))
+    for sign, (own_area, centroid, own) in parts:
+        second = second + sign * (own + own_area * np.outer(centroid - middle, centroid - middle))
+    volume, across = area * thickness, area * thickness**3 / 12.0
+    inertia = np.zeros((3, 3))
+    inertia[:2, :2] = thickness * (np.trace(second) * np.eye(2) - second) + across * np.eye(2)
+    inertia[2, 2] = thickness * np.trace(second)
+    return Moments(float(volume), np.array([*middle, 0.0]), inertia)
+
+
+def on_prism(outline: Any, holes: tuple[Any, ...], thickness: float) -> Skin:
+    """Triangles on it."""
+    around = corners(outline)
+    size = float(np.ptp(around, axis=0).max())
+    return prism(around, [corners(hole, size) for hole in holes], thickness)
+
+
+def in_prism(points: Array, outline: Any, holes: tuple[Any, ...], thickness: float, margin: float) -> NDArray[np.bool_]:
+    """Whether points (n, 3) lie inside it, or outside by less than `margin`."""
+    half = 0.5 * thickness
+    found = np.abs(points[:, 2]) <= half + margin
+    found &= _depth(points[:, :2], outline) >= -margin
+    for hole in holes:
+        found &= _depth(points[:, :2], hole) <= margin
+    return np.asarray(found)
 
 
 def corners(figure: Any, beside: float | None = None) -> Array:
     """Points (n, 2) of a polygon, or on a circle."""
-    return circle(figure[0], figure[1], beside) if _is_circle(figure) else np.array(figure, dtype=float)
+    return circle(figure[0], figure[1], beside) if is_circle(figure) else np.array(figure, dtype=float)
 
 
-def _is_circle(figure: Any) -> bool:
+def is_circle(figure: Any) -> bool:
     """Whether it is (centre, radius)."""
     if not isinstance(figure, tuple | list) or len(figure) != 2:
         return False
     return is_list(figure[0]) and (isinstance(figure[1], str) or is_quantity(figure[1]) or not is_list(figure[1]))
 
 
-def _figure(what: str, value: Any) -> Any:
+def _figure(shape: str, what: str, value: Any) -> Any:
     """A circle or a polygon that does not cross itself, as tuples of numbers in SI."""
-    if _is_circle(value):
-        x, y = given.vector("Plate", f"centre of {what}", value[0], 2)
-        return (x, y), given.length("Plate", f"radius of {what}", value[1])
-    points = given.numbers("Plate", what, value)
+    if is_circle(value):
+        x, y = given.vector(shape, f"centre of {what}", value[0], 2)
+        return (x, y), given.length(shape, f"radius of {what}", value[1])
+    points = given.numbers(shape, what, value)
     if points.ndim != 2 or points.shape[1:] != (2,) or len(points) < 3:
         given.fail(
-            "Plate",
+            shape,
             f"{what} must be a polygon of three or more corners (x, y), or a circle ((x, y), radius), not "
             f"{shown(value)}",
         )
-    polygon("Plate", what, points)
+    polygon(shape, what, points)
     return tuple((x, y) for x, y in points.tolist())
 
 
@@ -142,7 +163,7 @@ def polygon(shape: str, what: str, points: Array) -> None:
 
 def _flat(figure: Any) -> tuple[float, Array, Array]:
     """Area, centroid, second moments about it."""
-    if _is_circle(figure):
+    if is_circle(figure):
         center, radius = figure
         return np.pi * radius**2, np.array(center), 0.25 * np.pi * radius**4 * np.eye(2)
     points = np.array(figure)
@@ -151,7 +172,7 @@ def _flat(figure: Any) -> tuple[float, Array, Array]:
 
 def _depth(points: Array, figure: Any) -> Array:
     """Distance from the edge of points (n, 2), positive inside."""
-    if _is_circle(figure):
+    if is_circle(figure):
         center, radius = figure
         return np.asarray(radius - np.linalg.norm(points - np.array(center), axis=1))
     ring = np.array(figure)
@@ -160,7 +181,7 @@ def _depth(points: Array, figure: Any) -> Array:
 
 def _box(figure: Any) -> tuple[Array, Array]:
     """Least and greatest coordinates."""
-    if _is_circle(figure):
+    if is_circle(figure):
         center, radius = figure
         return np.array(center) - radius, np.array(center) + radius
     points = np.array(figure)
@@ -169,20 +190,20 @@ def _box(figure: Any) -> tuple[Array, Array]:
 
 def _within(inner: Any, outer: Any) -> bool:
     """Whether a figure lies inside another without touching it."""
-    if _is_circle(inner):
+    if is_circle(inner):
         center, radius = inner
         return float(_depth(np.array([center]), outer)[0]) > radius
     points = np.array(inner)
     if bool((_depth(points, outer) <= 0.0).any()):
         return False
-    return _is_circle(outer) or not edges_meet(points, np.array(outer))
+    return is_circle(outer) or not edges_meet(points, np.array(outer))
 
 
 def _apart(a: Any, b: Any) -> bool:
     """Whether two figures have nothing in common."""
-    if not _is_circle(a):
+    if not is_circle(a):
         a, b = b, a
-    if _is_circle(a):
+    if is_circle(a):
         center, radius = a
         return -float(_depth(np.array([center]), b)[0]) > radius
     one, two = np.array(a), np.array(b)

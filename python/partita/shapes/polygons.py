@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tolerance import EQUAL
+
 Array = NDArray[np.float64]
 
 
@@ -41,6 +43,26 @@ def boundary_integral(points: Array, i: int, j: int) -> float:
         on = (1.0 - at) * a + at * b
         total += float(weight * (on[:, 0] ** (i + 1) * on[:, 1] ** j * (b - a)[:, 1]).sum())
     return total / (i + 1)
+
+
+def inset(points: Array, width: float, still: NDArray[np.bool_] | None = None) -> Array | None:
+    """The polygon counterclockwise whose edges lie inside by `width`, outside where it is negative, with sharp corners;
+    None where edges vanish or meet. Edges that are `still` keep their lines."""
+    along = np.roll(points, -1, axis=0) - points
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    inwards = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    moved = np.full(len(points), width) if still is None else np.where(still, 0.0, width)
+    before, shift = np.roll(along, 1, axis=0), np.roll(moved, 1)
+    turn = _cross(before, along)
+    straight = np.abs(turn) <= EQUAL
+    # the corner c + u on both lines: u . n = its width for the edge before and the one after
+    first, second = np.roll(inwards, 1, axis=0), inwards
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out = (shift[:, None] * along - moved[:, None] * before) / np.where(straight, 1.0, turn)[:, None]
+    found = points + np.where(straight[:, None], 0.5 * (shift[:, None] * first + moved[:, None] * second), out)
+    if (np.einsum("ni,ni->n", np.roll(found, -1, axis=0) - found, along) <= 0.0).any():
+        return None
+    return None if crossing(found) is not None else found
 
 
 def crossing(points: Array) -> tuple[int, int] | None:

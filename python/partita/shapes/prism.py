@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .polygons import area_of, triangles
 from .shape import Array, Skin
@@ -20,21 +22,45 @@ def circle(center: Sequence[float], radius: float, beside: float | None = None) 
     return np.array(center) + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def prism(outline: Array, holes: Sequence[Array], thickness: float) -> Skin:
+class Blind(NamedTuple):
+    """A hole from one end of a prism, the `upper` one or the lower, to its floor at z = `floor`."""
+
+    outline: Array
+    floor: float
+    upper: bool
+
+
+def prism(outline: Array, holes: Sequence[Array], thickness: float, blind: Sequence[Blind] = ()) -> Skin:
     """Its triangles, from -thickness/2 to thickness/2."""
+    half = 0.5 * thickness
+    points: list[Array] = []
+    faces: list[NDArray[np.int_]] = []
+
+    def put(loop: Array, z: float) -> NDArray[np.int_]:
+        points.append(np.hstack([loop, np.full((len(loop), 1), z)]))
+        end = sum(map(len, points))
+        return np.arange(end - len(loop), end)
+
+    def wall(low: NDArray[np.int_], high: NDArray[np.int_]) -> None:
+        i, j, over_i, over_j = low, np.roll(low, -1), high, np.roll(high, -1)
+        faces.extend([np.stack([i, j, over_j], axis=1), np.stack([i, over_j, over_i], axis=1)])
+
     loops = [_turned(outline, 1.0), *(_turned(hole, -1.0) for hole in holes)]
-    plane = np.concatenate(loops)
-    count = len(plane)
-    half = np.full((count, 1), 0.5 * thickness)
-    points = np.concatenate([np.hstack([plane, -half]), np.hstack([plane, half])])
-    cap = triangles(loops)
-    sides, start = [], 0
-    for loop in loops:
-        i = start + np.arange(len(loop))
-        j = start + (np.arange(len(loop)) + 1) % len(loop)
-        sides += [np.stack([i, j, j + count], axis=1), np.stack([i, j + count, i + count], axis=1)]
-        start += len(loop)
-    return Skin(points, np.concatenate([cap[:, ::-1], cap + count, *sides]))
+    below = [(loop, put(loop, -half)) for loop in loops]
+    above = [(loop, put(loop, half)) for loop in loops]
+    for (_, low), (_, high) in zip(below, above, strict=True):
+        wall(low, high)
+    for hole in blind:
+        loop = _turned(hole.outline, -1.0)
+        mouth, floor = put(loop, half if hole.upper else -half), put(loop, hole.floor)
+        (above if hole.upper else below).append((loop, mouth))
+        wall(*((floor, mouth) if hole.upper else (mouth, floor)))
+        filled = floor[::-1][triangles([loop[::-1]])]
+        faces.append(filled if hole.upper else filled[:, ::-1])
+    for cap, upper in ((below, False), (above, True)):
+        filled = np.concatenate([at for _, at in cap])[triangles([loop for loop, _ in cap])]
+        faces.append(filled if upper else filled[:, ::-1])
+    return Skin(np.concatenate(points), np.concatenate(faces))
 
 
 def _turned(loop: Array, sign: float) -> Array:

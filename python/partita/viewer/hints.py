@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ArgumentError
+from ..errors import ArgumentError, FileFormatError, MissingDependencyError, MissingFileError
 from ..naming import index_of
 from ..numeric import shown
 from ..shapes import Shape, drawn
+from ..shapes.triangles import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
 from ..tolerance import EQUAL_IN_SIX_DIGITS
-from .meshes import FEWEST_TRIANGLES, MOST_TRIANGLES, load, simplified
 
+T = TypeVar("T")
 FloatArray = NDArray[np.float64]
 
 ORIGIN, ALONG_Z = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -31,6 +33,8 @@ SOLIDS: dict[str, dict[str, Any]] = {
     "rod": {"start": None, "end": None},
     "mesh": {"file": None, "scale": (1.0, 1.0, 1.0), "center": ORIGIN, "axes": UPRIGHT},
 }
+TRIANGLES: dict[str, Any] = {"points": None, "faces": None, "scale": (1.0, 1.0, 1.0), "center": ORIGIN, "axes": UPRIGHT}
+"""Words of a mesh that is given itself."""
 
 
 def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]]:
@@ -45,8 +49,46 @@ def solids(shapes: Any, bodies: Sequence[str]) -> dict[int, list[dict[str, Any]]
         if not several:
             _fail("shapes", f"of {name!r} is empty: leave the body out, or give a shape")
         found[_body(name, bodies)] = [part for one in several for part in _parts(name, one)]
-    _load_meshes([part for parts in found.values() for part in parts if "file" in part])
+    _load_meshes([part for parts in found.values() for part in parts if "file" in part or "scale" in part])
     return found
+
+
+def looking(
+    shapes: Mapping[str, Any] | None, looks: Mapping[str, Any] | None, draw: Callable[[Mapping[str, Any] | None], T]
+) -> T:
+    """What `draw` makes of the shapes that are given, else of the `looks` of a file; where these cannot be read, of
+    none, with a warning."""
+    if shapes is not None or not looks:
+        return draw(shapes)
+    try:
+        return draw(looks)
+    except (FileFormatError, MissingFileError, MissingDependencyError) as error:
+        warnings.warn(f"it is drawn without the looks of its file: {error.message}", stacklevel=4)
+        return draw(None)
+
+
+def stored(bodies: Mapping[int, Any]) -> dict[int, list[dict[str, Any]]]:
+    """Solids of bodies as `form` made them, which may be out of a stored run: files are not opened. Raises `ValueError`
+    for others."""
+    found: dict[int, list[dict[str, Any]]] = {}
+    meshes: list[tuple[dict[str, Any], Mapping[str, Any]]] = []
+    for body, parts in bodies.items():
+        if not isinstance(parts, list) or not all(isinstance(part, Mapping) and "file" not in part for part in parts):
+            raise ValueError("a body is drawn as a list of solids, none of them in a file")
+        try:
+            found[body] = [_solid("a body", {w: x for w, x in part.items() if w not in KEPT}) for part in parts]
+        except ArgumentError as error:
+            raise ValueError(error.message) from error
+        meshes += [both for both in zip(found[body], parts, strict=True) if both[0]["kind"] == "mesh"]
+    _load_meshes([part for part, _ in meshes])
+    for part, given in meshes:
+        whole = given.get("closed") is True and 3 * part["of"] == len(part["faces"])
+        part |= {"closed": whole, "of": max(part["of"], int(given.get("of", 0)))}
+    return found
+
+
+KEPT = ("of", "closed")
+"""Of a mesh that is drawn: of how many triangles, and whether none is seen from behind."""
 
 
 def _parts(name: Any, given: Any) -> list[dict[str, Any]]:
@@ -58,7 +100,7 @@ def form(shape: Shape) -> list[dict[str, Any]]:
     """The solids of a shape, with no more triangles than a page can draw."""
     found = drawn(shape)
     for part in found:
-        if part["kind"] == "mesh" and part["of"] > MOST_TRIANGLES:
+        if part["kind"] == "mesh" and len(part["faces"]) > 3 * MOST_TRIANGLES:
             points, faces = np.reshape(part["points"], (-1, 3)), np.reshape(part["faces"], (-1, 3))
             corners, triangles = simplified(points, faces, MOST_TRIANGLES)
             part |= {"points": corners.ravel().tolist(), "faces": triangles.ravel().tolist(), "closed": False}
@@ -67,7 +109,7 @@ def form(shape: Shape) -> list[dict[str, Any]]:
 
 def _load_meshes(parts: list[dict[str, Any]]) -> None:
     """Replace the names of mesh files by vertices and triangles, reduced if there are too many to draw in total."""
-    whole = [load(part.pop("file")) for part in parts]
+    whole = [load(part.pop("file"))[:2] if "file" in part else (part["points"], part["faces"]) for part in parts]
     left, most = MOST_TRIANGLES, {}
     for count, n in enumerate(sorted(range(len(whole)), key=lambda n: len(whole[n][1]))):
         # triangles that small meshes do not need are left to large ones
@@ -115,7 +157,7 @@ def _solid(name: Any, given: Any) -> dict[str, Any]:
             f'{of} must be a value of partita.shapes, or {{"kind": ...}} with one of {", ".join(SOLIDS)}, not '
             f"{shown(given)}",
         )
-    words = SOLIDS[given["kind"]]
+    words = TRIANGLES if given["kind"] == "mesh" and "points" in given else SOLIDS[given["kind"]]
     unknown = [str(word) for word in given if word != "kind" and word not in words]
     if unknown:
         _fail("shapes", f"{of}: {', '.join(unknown)} is no word of a {given['kind']}; known: {', '.join(words)}")
@@ -138,7 +180,9 @@ def _solid(name: Any, given: Any) -> dict[str, Any]:
         elif word == "axes":
             found[word] = _axes(what, value)
         elif word == "points":
-            found[word] = _ring(what, value)
+            found[word] = _corners(what, value) if given["kind"] == "mesh" else _ring(what, value)
+        elif word == "faces":
+            found[word] = _triangles(what, value, len(found["points"]))
         else:
             found[word] = _vector("shapes", what, value)
     if given["kind"] == "box" and min(found["size"]) <= 0.0:
@@ -191,6 +235,24 @@ def _ring(what: str, value: Any) -> list[list[float]]:
     if array.ndim != 2 or array.shape[1] != 3 or len(array) < 3 or not np.isfinite(array).all():
         _fail("shapes", f"{what} must be three or more points of three finite numbers, around the plate")
     return [[float(x) for x in point] for point in array]
+
+
+def _corners(what: str, value: Any) -> FloatArray:
+    """Of a mesh: (n, 3), or one number after the other."""
+    array = _numbers(value)
+    array = array.reshape(-1, 3) if array.ndim == 1 and len(array) % 3 == 0 else array
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 3 or not np.isfinite(array).all():
+        _fail("shapes", f"{what} must be three or more points of three finite numbers")
+    return array
+
+
+def _triangles(what: str, value: Any, count: int) -> NDArray[np.int_]:
+    """Of a mesh with so many points: (m, 3), or one number after the other."""
+    array = _numbers(value)
+    array = array.reshape(-1, 3) if array.ndim == 1 and len(array) % 3 == 0 else array
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 1 or not ((array >= 0) & (array < count)).all():
+        _fail("shapes", f"{what} must be triangles, each of three numbers of points, from 0 to {count - 1}")
+    return array.astype(int)
 
 
 def _fail(argument: str, why: str) -> NoReturn:

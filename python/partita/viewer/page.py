@@ -46,7 +46,7 @@ def html(
     {"kind": "mesh", "file": "part.stl"} (or .obj, .glb, .gltf; `scale` to metres, a number or three; needs the extra
     "meshes"; of large ones as many triangles as can be drawn). All but plates and rods take `center`, cylinders and
     wheels `axis` (z where it is not given), boxes and meshes `axes`, their directions x, y, z. "ground" counts as a
-    body; `shapes=m.reading.shapes` are those of a robot's file. `points` marks points and traces their paths:
+    body. `m.reading.shapes` are those of a robot's file. `points` marks points and traces their paths:
     {name: (body, place in body axes)}. Both change the
     picture only.
 

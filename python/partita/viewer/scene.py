@@ -15,7 +15,7 @@ from ..tolerance import EQUAL_IN_SIX_DIGITS, LEAST_DIVISOR, NEGLIGIBLE
 from .couplings import Pictures, pictures
 from .curves import curves, efforts, loads_open
 from .geometry import outline, plane_normal, solid_of, view
-from .hints import form
+from .hints import form, stored
 from .motion import Motion, motion_of
 from .packing import pack_tables
 from .slim import slim
@@ -389,10 +389,14 @@ def _solids(
     inertia."""
     found = dict(coupled.rolling)
     drawn = {body["name"]: body for body in spec.get("bodies", ())}
+    files: dict[int, Any] = {}
     for i, body in enumerate(bodies):
         shape = drawn.get(body["name"], {}).get("shape") or {}
-        if shape.get("kind") == "solid":
+        if shape.get("kind") == "solid" and "drawn" in shape:
+            files[i] = shape["drawn"]
+        elif shape.get("kind") == "solid":
             found[i] = form(shape_of(shape["form"]))
+    found |= stored(files)
     wheels = {wheel["body"] for wheel in coupled.wheels if not wheel["ring"]}
     wheels |= {joint["child"] for joint in joints if joint["rail"] is not None}  # a slide is drawn as a block
     wheels |= {line["body"] for line in coupled.lines if line["look"] == "cam"}
