@@ -22,7 +22,8 @@ from partita.errors import ArgumentError, DescriptionError
 from partita.sketch import drawing_of, mechanism_of, script_of
 from partita.sketch.answer import answer
 from partita.sketch.drawing import EMPTY, MOST
-from partita.sketch.server import CONNECTIONS, HOST, MOST_BYTES, DrawingPage
+from partita.serving import CONNECTIONS, HOST, MOST_BYTES
+from partita.sketch.server import DrawingPage
 
 
 @pytest.mark.parametrize("name", DRAWN)
