@@ -19,10 +19,10 @@ from sketches import DRAWN, FOUR, QUICK, SCISSOR, SLIDER, bar, drawing, place, p
 
 import partita as pt
 from partita.errors import ArgumentError, DescriptionError
+from partita.serving import CONNECTIONS, HOST, MOST_BYTES
 from partita.sketch import drawing_of, mechanism_of, script_of
 from partita.sketch.answer import answer
 from partita.sketch.drawing import EMPTY, MOST
-from partita.serving import CONNECTIONS, HOST, MOST_BYTES
 from partita.sketch.server import DrawingPage
 
 

@@ -34,7 +34,7 @@ EXAMPLES = {
     "list": ("",),
     "new": ("four-bar > my.toml", "slider-crank --rods -o my.toml"),
     "watch": ("my.toml", "my.toml --time 10"),
-    "draw": ("", "--port 8000 --no-browser"),
+    "draw": ("", "--port 8000 --no-browser", "--static draw.html"),
     "bench": ("four-bar --time 1", "andrews-squeezer --tolerances 1e-5,1e-7,1e-9"),
     "plot": ("run.nc", "run.nc --what energy --what A -o energy.pdf"),
     "view": ("run.nc", "run.nc -o run.html"),
@@ -294,6 +294,8 @@ def _watch(command: argparse.ArgumentParser) -> None:
 def _draw(command: argparse.ArgumentParser) -> None:
     command.add_argument("--port", metavar="N", type=port, default=0, help="port on this machine; default: a free one")
     command.add_argument("--no-browser", action="store_true", help="print the address of the page, but open no browser")
+    about = "write the page as one file that computes without Python (.html), instead of serving it"
+    command.add_argument("--static", metavar="FILE", help=about)
 
 
 def _mcp(command: argparse.ArgumentParser) -> None:
