@@ -16,6 +16,8 @@ from types import FunctionType
 from typing import Any
 
 from partita import catalogue
+from partita.errors import MissingFileError
+from partita.sketch import static_page
 
 from . import conf, docstrings, gallery, labels, notebooks
 from .outline import PARTS, REFERENCE
@@ -79,8 +81,13 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
 # Pictures on pages of docs/, beside which they stand.
 SHOWN = re.compile(r"!\[[^\]]*\]\(([\w/.-]+)\)")
 # Where a page of docs/ shows a mechanism in motion: what its own code left in `run`, or a mechanism of the catalogue.
-# With "bare" the drawing alone, as wide as the page; with "playground" one that the reader changes.
-LIVE = re.compile(r"^<!-- live: ([\w-]+)(?: (bare|playground))? -->$", flags=re.MULTILINE)
+# With "bare" the drawing alone, as wide as the page; with "playground" one that the reader changes; with "page" one of PAGES.
+LIVE = re.compile(r"^<!-- live: ([\w-]+)(?: (bare|playground|page))? -->$", flags=re.MULTILINE)
+PAGES: dict[str, Callable[[], str]] = {"draw": static_page}
+MISSING = (
+    "*This site was built without Rust's target for pages, wasm32-unknown-unknown, so the page that stands here is "
+    "missing.*"
+)
 CODE = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -96,6 +103,8 @@ def animate(folder: Path) -> None:
         up = "../" * (len(page.relative_to(folder).parts) - 1)
 
         def shown(mark: re.Match[str], text: str = text, name: str = name, up: str = up) -> str:
+            if mark[2] == "page":
+                return alone(mark[1], pages, up)
             if mark[2] == "playground":
                 catalogue.load(mark[1]).to_playground(pages / f"{name}.html")
             else:
@@ -110,6 +119,18 @@ def animate(folder: Path) -> None:
             )
 
         page.write_text(LIVE.sub(shown, text), encoding="utf-8")
+
+
+def alone(name: str, pages: Path, up: str) -> str:
+    """One of PAGES, in a frame as high as it needs, and by itself."""
+    try:
+        (pages / f"page-{name}.html").write_text(PAGES[name](), encoding="utf-8")
+    except MissingFileError:
+        return MISSING
+    return (
+        f'<iframe class="live page" src="{up}live/page-{name}.html" loading="lazy" title="a page that computes"></iframe>\n'
+        f'<p><a href="{up}live/page-{name}.html">The page alone</a>: save it, and it works without a network.</p>'
+    )
 
 
 def ran(text: str) -> dict[str, Any]:
