@@ -20,7 +20,7 @@ from partita.errors import MissingFileError
 from partita.sketch import static_page
 
 from . import conf, docstrings, gallery, labels, notebooks
-from .outline import PARTS, REFERENCE
+from .outline import MEMBERS, PARTS, REFERENCE
 
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
@@ -61,6 +61,10 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
     changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
     changes = PAGE.sub(r"[\1](\1)", changes.replace("](docs/", "]("))
     (folder / "changelog.md").write_text(changes, encoding="utf-8")
+    for name in ("CONTRIBUTING", "ARCHITECTURE"):
+        text = (DOCS.parent / f"{name}.md").read_text(encoding="utf-8").replace("](docs/", "](")
+        text = text.replace("](ARCHITECTURE.md)", "](architecture.md)").replace("](CHANGELOG.md)", "](changelog.md)")
+        (folder / f"{name.lower()}.md").write_text(text, encoding="utf-8")
     for name in ("conf.py", "scorer.js", *STATIC):
         target = folder / ("_static" if name in STATIC else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -163,19 +167,80 @@ def toctree(caption: str, pages: Iterable[str]) -> str:
     return "\n".join(lines)
 
 
+LOOKED_UP = "For users of the Python interface who look up a name, its arguments, units and errors."
+
+
 def reference(folder: Path) -> None:
-    """Pages of the reference, from docstrings."""
+    """Pages of the reference, from docstrings: one for each class or function below one for each part."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "rust.md").write_text(RUST, encoding="utf-8")
     for page, (title, sentence, names) in REFERENCE.items():
-        blocks = [directive(name) for name in names]
+        body = f"# {title}\n\n{LOOKED_UP} {sentence}\n\n"
+        blocks = [".. automodule:: partita.units\n   :no-members:"] if page == "units" else []
         if page == "errors":
             blocks = [".. automodule:: partita.errors\n   :members:\n   :show-inheritance:"]
-        if page == "units":
-            blocks.insert(0, ".. automodule:: partita.units\n   :no-members:")
-        text = "\n\n".join(blocks)
-        body = f"# {title}\n\n{sentence}\n\n```{{eval-rst}}\n{text}\n```\n"
-        (folder / f"{page}.md").write_text(body, encoding="utf-8")
+        if names:
+            blocks += list(listed(names))
+            body += toctree("", [f"{page}/{own}" for own in page_names(names).values()]) + "\n"
+            for name, own in page_names(names).items():
+                one(name, folder / page / f"{own}.md")
+        (folder / f"{page}.md").write_text(body + directives(blocks), encoding="utf-8")
+
+
+def directives(blocks: Iterable[str]) -> str:
+    """Directives of Sphinx in a page of Markdown."""
+    text = "\n\n".join(blocks)
+    return f"```{{eval-rst}}\n{text}\n```\n"
+
+
+def page_names(names: Iterable[str]) -> dict[str, str]:
+    """Name -> name of its page; in small letters, since disks may not tell them from large ones."""
+    pages: dict[str, str] = {}
+    for name in names:
+        own = name.rpartition(".")[2].lower()
+        pages[name] = own if own not in pages.values() else f"{own}-{'class' if isinstance(found(name), type) else 'of'}"
+    return pages
+
+
+def listed(names: Iterable[str]) -> Iterable[str]:
+    """Tables of classes and functions, each with its first sentence."""
+    known = {name: found(name) for name in names}
+    for what, wanted in (("Classes", True), ("Functions", False)):
+        rows = [
+            row(name.rpartition(".")[2], name, kind)
+            for name, kind in known.items()
+            if isinstance(kind, type) == wanted and inspect.getdoc(kind)
+        ]
+        if rows:
+            yield table(what, rows)
+
+
+def one(name: str, page: Path) -> None:
+    """The page of a class or a function; a class with many members has them on pages below."""
+    page.parent.mkdir(parents=True, exist_ok=True)
+    last, kind = name.rpartition(".")[2], found(name)
+    groups = MEMBERS.get(name)
+    if groups is None or not isinstance(kind, type):
+        page.write_text(f"# {last}\n\n{directives([directive(name)])}", encoding="utf-8")
+        return
+    blocks = [f".. autoclass:: partita.{name}"]
+    for title, sentence, members in groups.values():
+        rows = [row(member, f"{name}.{member}", inspect.getattr_static(kind, member)) for member in members]
+        blocks.append(table(f"{title}: {sentence[0].lower()}{sentence[1:]}", rows))
+    below = toctree("", [f"{page.stem}-{own}" for own in groups])
+    page.write_text(f"# {last}\n\n{below}\n{directives(blocks)}", encoding="utf-8")
+    for own, (title, sentence, members) in groups.items():
+        shown = [f".. auto{kind_of(kind, member)}:: partita.{name}.{member}" for member in members]
+        text = f"# {title}\n\n{LOOKED_UP} {sentence}\n\n{directives(shown)}"
+        (page.parent / f"{page.stem}-{own}.md").write_text(text, encoding="utf-8")
+
+
+def kind_of(owner: type, member: str) -> str:
+    """The word of Sphinx for a member."""
+    there = inspect.getattr_static(owner, member)
+    if isinstance(there, property):
+        return "property"
+    return "method" if isinstance(there, (FunctionType, classmethod, staticmethod)) else "attribute"
 
 
 def directive(name: str) -> str:
@@ -202,9 +267,18 @@ def overview(name: str, kind: type) -> list[str]:
         )
         hidden = member.startswith("_") or conf.internal(kind, there) or hasattr(Mapping, member)
         if reported and not hidden:
-            rows.append(f"   * - :py:obj:`{member} <partita.{name}.{member}>`\n     - {first(reported)}")
-    table = f".. list-table:: What a {kind.__name__} has\n   :widths: auto\n   :class: members\n\n"
-    return [table + "\n".join(rows)] if len(rows) >= MANY else []
+            rows.append(row(member, f"{name}.{member}", there))
+    return [table(f"What a {kind.__name__} has", rows)] if len(rows) >= MANY else []
+
+
+def row(word: str, name: str, what: object) -> str:
+    """A row of a table: a name that leads to its place, and its first sentence."""
+    return f"   * - :py:obj:`{word} <partita.{name}>`\n     - {first(inspect.getdoc(what) or '')}"
+
+
+def table(title: str, rows: Iterable[str]) -> str:
+    """Such a table."""
+    return f".. list-table:: {title}\n   :widths: auto\n   :class: members\n\n" + "\n".join(rows)
 
 
 def first(text: str) -> str:
