@@ -1,7 +1,7 @@
 """The core inside pages, python/partita/_web/partita_web.wasm: `python tools/web_module.py`.
 
-It needs Rust's target wasm32-unknown-unknown, which rustup adds by network. Where it cannot be had, one line says so and
-nothing is built: pages that need it are then refused with the reason, and their tests are skipped.
+It needs Rust's target wasm32-unknown-unknown, which rustup adds by network. Where it cannot be had, one line says so
+and nothing is built: pages that need it are then refused with the reason, and their tests are skipped.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ def has_target() -> bool:
     if shutil.which("rustup") is None:
         return False
     try:
-        subprocess.run(["rustup", "target", "add", TARGET], cwd=ROOT, check=False, timeout=PATIENCE, capture_output=True)
+        subprocess.run(
+            ["rustup", "target", "add", TARGET], cwd=ROOT, check=False, timeout=PATIENCE, capture_output=True
+        )
     except subprocess.TimeoutExpired:
         return False
     return installed()

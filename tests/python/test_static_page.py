@@ -1,6 +1,7 @@
 """The page on which mechanisms are drawn as a file: the core is in it, so its numbers are the core's."""
 
 import json
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from partita.io.toml_writer import document
 from partita.sketch import drawing_of, mechanism_of, script_of
 from partita.sketch.answer import answer
 from partita.sketch.static import MODULE
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+from website.tilt import tilt_page
 
 TIGHT = {"relative": 1e-13, "absolute": 1e-14}
 AGREES = 1e-12
@@ -178,6 +182,30 @@ def test_what_cannot_be_is_said_as_by_python(browser: Chromium, page: Path) -> N
         closed = browser.value(f"inside.answerTo({json.dumps(drawing(**long))}).closed")
         known = answer(drawing_of(drawing(**long)))["closed"]
         assert {key: pytest.approx(at, abs=1e-12) for key, at in known.items()} == closed
+
+
+def test_a_tilted_hinge_locks_and_a_remedy_lets_go(browser: Chromium, tmp_path: Path) -> None:
+    """Degrees of freedom by theory: a planar four-bar and Bennett's linkage move as drawn, not with a hinge tilted;
+    with a ball and a cylindrical joint Kutzbach's count 7 - 6 = 1 holds at any tilt."""
+    path = tmp_path / "tilt.html"
+    path.write_text(tilt_page(), encoding="utf-8")
+    browser.open(path)
+    browser.value(LOADED.replace("drawing", "tilting"))
+    for name in browser.value("[...document.getElementById('linkage').options].map((x) => x.value)"):
+        browser.value(
+            f"(() => {{ const x = document.getElementById('linkage'); x.value = {json.dumps(name)};"
+            " x.dispatchEvent(new Event('change')); })()"
+        )
+        for slider, remedy, moves in ((0, False, "yes"), (4, False, "yes"), (30, False, "no"), (30, True, "yes")):
+            found = browser.value(
+                f"(() => {{ document.getElementById('tilt').value = {slider};"
+                f" document.getElementById('remedy').checked = {json.dumps(remedy)}; tilting.change();"
+                " return tilting.state(); })()"
+            )
+            assert (found["moves"], found["running"]) == (moves, moves == "yes"), (name, slider, found)
+            locked = "structure only because" if moves == "no" else "Nothing is redundant"
+            assert {0: "redundant", 4: "drawing tolerance", 30: locked}[slider] in found["why"]
+    assert browser.reported == []
 
 
 @pytest.mark.parametrize("address", ["#%%%", "#e30", "#" + "A" * 300_000])

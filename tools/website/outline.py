@@ -23,6 +23,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "Gallery": ("gallery/index",),
     "In depth": (
+        "tilt",
         "solids",
         "assembly",
         "kinematics",
@@ -88,7 +89,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "For contributors": ("contributing", "architecture", "modules", "dependencies", "decisions/README"),
 }
 
-# A class with more members than a page should hold -> page -> title, sentence, members. Every public member stands in one.
+# A class with more members than a page should hold -> page -> title, sentence, members. Every public member has one.
 MEMBERS: dict[str, dict[str, tuple[str, str, tuple[str, ...]]]] = {
     "Mechanism": {
         "bodies": (

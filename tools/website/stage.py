@@ -21,6 +21,7 @@ from partita.sketch import static_page
 
 from . import conf, docstrings, gallery, labels, notebooks
 from .outline import MEMBERS, PARTS, REFERENCE
+from .tilt import tilt_page
 
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
@@ -85,9 +86,10 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
 # Pictures on pages of docs/, beside which they stand.
 SHOWN = re.compile(r"!\[[^\]]*\]\(([\w/.-]+)\)")
 # Where a page of docs/ shows a mechanism in motion: what its own code left in `run`, or a mechanism of the catalogue.
-# With "bare" the drawing alone, as wide as the page; with "playground" one that the reader changes; with "page" one of PAGES.
+# With "bare" the drawing alone, as wide as the page; with "playground" one that the reader changes; with "page" one
+# of PAGES.
 LIVE = re.compile(r"^<!-- live: ([\w-]+)(?: (bare|playground|page))? -->$", flags=re.MULTILINE)
-PAGES: dict[str, Callable[[], str]] = {"draw": static_page}
+PAGES: dict[str, Callable[[], str]] = {"draw": static_page, "tilt": tilt_page}
 MISSING = (
     "*This site was built without Rust's target for pages, wasm32-unknown-unknown, so the page that stands here is "
     "missing.*"
@@ -132,7 +134,7 @@ def alone(name: str, pages: Path, up: str) -> str:
     except MissingFileError:
         return MISSING
     return (
-        f'<iframe class="live page" src="{up}live/page-{name}.html" loading="lazy" title="a page that computes"></iframe>\n'
+        f'<iframe class="live page" src="{up}live/page-{name}.html" loading="lazy" title="it computes here"></iframe>\n'
         f'<p><a href="{up}live/page-{name}.html">The page alone</a>: save it, and it works without a network.</p>'
     )
 
@@ -198,7 +200,9 @@ def page_names(names: Iterable[str]) -> dict[str, str]:
     pages: dict[str, str] = {}
     for name in names:
         own = name.rpartition(".")[2].lower()
-        pages[name] = own if own not in pages.values() else f"{own}-{'class' if isinstance(found(name), type) else 'of'}"
+        pages[name] = (
+            own if own not in pages.values() else f"{own}-{'class' if isinstance(found(name), type) else 'function'}"
+        )
     return pages
 
 

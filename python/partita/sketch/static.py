@@ -18,18 +18,21 @@ MODULE = Path(__file__).parent.parent / "_web" / "partita_web.wasm"
 SCRIPTS = ("document.js", "picture.js", "core.js", "meaning.js", "inside.js", "running.js", "controls.js")
 
 
-def static_page() -> str:
-    """The page as text. Raises `MissingFileError` where the core was not built for pages."""
+def packed_core() -> str:
+    """The core as pages hold it: compressed, in base 64. Raises `MissingFileError` where it was not built for pages."""
     if not MODULE.is_file():
         raise MissingFileError(
             "this installation has no core for pages: it was built without Rust's target wasm32-unknown-unknown; in "
             "the folder of the sources `rustup target add wasm32-unknown-unknown` and `make web` build it",
             path=str(MODULE),
         )
-    packed = gzip.compress(MODULE.read_bytes(), compresslevel=9, mtime=0)
-    module = base64.b64encode(packed).decode("ascii")
+    return base64.b64encode(gzip.compress(MODULE.read_bytes(), compresslevel=9, mtime=0)).decode("ascii")
+
+
+def static_page() -> str:
+    """The page as text. Raises as `packed_core`."""
     data = {"drawing": EMPTY, "empty": EMPTY}
-    return whole_page(__package__, "Draw a mechanism", data, SCRIPTS, module, ("partita.viewer", DRAWS))
+    return whole_page(__package__, "Draw a mechanism", data, SCRIPTS, packed_core(), ("partita.viewer", DRAWS))
 
 
 def write_static_page(path: str | PathLike[str]) -> Path:
