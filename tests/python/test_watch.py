@@ -57,8 +57,8 @@ def test_nothing_is_overwritten_and_names_are_corrected(tmp_path: Path, capsys: 
     assert main(["new", "four-bar", "-o", str(path)]) == 2
     assert main(["new", "five-baar"]) == 2
     assert main(["watch", str(tmp_path / "none.toml")]) == 2
-    said = capsys.readouterr().err
-    assert "exists already" in said and "'five-bar'" in said and "there is no such file" in said
+    words = capsys.readouterr().err
+    assert "exists already" in words and "'five-bar'" in words and "there is no such file" in words
 
 
 @pytest.fixture
@@ -97,8 +97,8 @@ def test_the_page_follows_the_file(tmp_path: Path, browser: Chromium) -> None:
         shown = page.look()
         line = 1 + wrong.splitlines().index("mass = -0.9")
         assert shown.error and shown.line == line
-        said = waited(2)
-        assert "cannot be drawn" in said[0] and f"line {line}" in said[1] and f"{line}  mass = -0.9" in said[2]
+        words = waited(2)
+        assert "cannot be drawn" in words[0] and f"line {line}" in words[1] and f"{line}  mass = -0.9" in words[2]
         assert browser.value("document.getElementById('drawn').className") == "old"
         pin = 'child = "rocker"\npoint = [1.0, 0.0, 0.0]'
         assert pin in text

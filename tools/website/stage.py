@@ -9,6 +9,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stdout
+from html import escape
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -77,6 +78,7 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
         (beside / f"{notebook.stem}.md").write_text(notebooks.page(notebook, beside), encoding="utf-8")
         shutil.copy(notebook, files)
     animate(folder)
+    tile(folder)
     reference(folder / "reference")
     gallery.build(folder / "gallery", folder / "_extra" / "live", only)
     draw(folder)
@@ -125,6 +127,21 @@ def animate(folder: Path) -> None:
             )
 
         page.write_text(LIVE.sub(shown, text), encoding="utf-8")
+
+
+def tile(folder: Path) -> None:
+    """Moving tiles on the first page, each of which opens its animated page, playing."""
+    page, pictures = folder / "index.md", folder / "_extra" / "tiles"
+    pictures.mkdir(parents=True)
+    cards = []
+    for drawn in sorted((DOCS / "pictures").glob("tile-*.svg")):
+        name = drawn.stem.removeprefix("tile-")
+        shutil.copy(drawn, pictures)
+        title = catalogue.entry(name).title
+        picture = f'<img src="tiles/tile-{name}.svg" alt="" width="300" height="220">'
+        cards.append(f'<a class="card" href="live/{name}.html#play">{picture}<span>{escape(title)}</span></a>')
+    shown = f'<div class="gallery tiles">\n{"".join(cards)}\n</div>'
+    page.write_text(page.read_text(encoding="utf-8").replace("<!-- tiles -->", shown), encoding="utf-8")
 
 
 def alone(name: str, pages: Path, up: str) -> str:

@@ -5,7 +5,8 @@ const GROUND = "ground";
 const DRAWING = "drawing"; // the name of the mechanism
 const BLOCK = 0.1; // m: edge of the block of a slide, which gives it its inertia
 const SECONDS = 10; // s: length of a run
-const DRAWING_TOLERANCE = 1e-4; // rad, and fractions of lengths
+// How far a drawing may be off. Scale: rad, fraction of lengths. Reason: that of mechanisms, `drawing_tolerance`.
+const DRAWING_TOLERANCE = 1e-4;
 
 class Refused extends Error {}
 const refuse = (kind, name, why) => { throw new Refused(`${kind} "${name}": ${why}`); };

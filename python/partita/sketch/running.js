@@ -157,7 +157,7 @@ class Running {
 
   numbers(i) {
     const { found } = this, cell = (x, known) => {
-      const made = element("td", known ? "" : "open", `${Math.abs(x) < TINY ? 0 : Number(x.toPrecision(4))}`);
+      const made = element("td", known ? "" : "open", `${Math.abs(x) < TINY * this.usual ? 0 : Number(x.toPrecision(4))}`);
       if (!known) made.title = "not determined by rigid bodies";
       return made;
     };
@@ -186,7 +186,7 @@ class Running {
     for (const { j } of this.joints) {
       const f = found.force[i].slice(3 * j, 3 * j + 2), known = found.determined[i][6 * j] && found.determined[i][6 * j + 1];
       const at = [...found.points[i].slice(3 * j, 3 * j + 2), 0];
-      if (Math.hypot(...f) > TINY) painter.arrow(at, scaled([...f, 0], span / this.usual), COLOURS.force, 1, !known, MOST_SHOWN * span);
+      if (Math.hypot(...f) > TINY * this.usual) painter.arrow(at, scaled([...f, 0], span / this.usual), COLOURS.force, 1, !known, MOST_SHOWN * span);
     }
     painter.paint();
   }
@@ -214,4 +214,5 @@ class Running {
     this.resize.disconnect();
   }
 }
-const TINY = 1e-9; // N, N m: less is shown as 0
+// Forces and moments below this are shown as 0. Scale: the usual force of the run. Reason: far above rounding, below four digits.
+const TINY = 1e-9;
