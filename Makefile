@@ -7,6 +7,7 @@ QUIETLY = @$(PYTHON) tools/quietly.py
 TOOLS := .venv/.tools
 BUILT := .venv/.built
 FMU := .venv/.fmu
+WEB := .venv/.web
 SITE := .venv/.site
 PACKING := .venv/.packing
 
@@ -64,6 +65,15 @@ put-fmu:
 ## fmu: the binary inside FMUs; a wheel that is made afterwards holds it
 fmu: $(FMU)
 
+# The core inside pages, where Rust can compile for them.
+$(WEB): $(TOOLS) $(RUST)
+	$(QUIETLY) "Compiling the core for pages" "three minutes on two cores, once" $(BIN)/python tools/web_module.py
+	@touch $@
+
+## web: the core inside pages that compute without Python; needs Rust's target wasm32-unknown-unknown
+.PHONY: web
+web: $(WEB)
+
 ## format: rewrite the sources in the house style
 format: $(TOOLS)
 	cargo fmt --all
@@ -85,7 +95,7 @@ test: test-rust test-python
 test-rust: $(TOOLS)
 	cargo test --release --workspace --locked
 
-test-python: $(BUILT) $(FMU)
+test-python: $(BUILT) $(FMU) $(WEB)
 	$(BIN)/python -m pytest
 
 ## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; as many everyday drawings, and what must not matter to them; RUNS=2000 keep their branch; verdicts; kinks; contacts; chains; platforms; misdrawn loops beside couplings; the zoo and its linearised equations; in full what `make test` looks at in part
@@ -184,7 +194,7 @@ $(SITE): $(TOOLS) constraints-docs.txt
 	@touch $@
 
 ## docs: the site, with the reference of both languages, in out/docs
-docs: $(BUILT) $(SITE)
+docs: $(BUILT) $(SITE) $(WEB)
 	RUSTDOCFLAGS="-D warnings -A rustdoc::private-intra-doc-links" cargo doc --workspace --no-deps --locked --document-private-items
 	rm -rf out/docs
 	mkdir -p out/docs
@@ -215,4 +225,4 @@ announced:
 clean:
 	rm -rf .venv target out dist .pytest_cache .mypy_cache .ruff_cache
 	find python tests -name '__pycache__' -type d -prune -exec rm -rf {} +
-	rm -rf python/partita/_core*.so python/partita/_fmu
+	rm -rf python/partita/_core*.so python/partita/_fmu python/partita/_web

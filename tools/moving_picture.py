@@ -1,4 +1,4 @@
-"""A mechanism in motion as one small animated SVG: the picture at the top of the README, made by `make picture`.
+"""Mechanisms in motion as small animated SVGs: the picture at the top of the README, and its tiles; `make picture`.
 
 Each body is a group that the picture moves through the poses of one turn of its crank; arrows are reactions. Planar
 mechanisms only: seen along their normal, a body is a shape that slides and turns.
@@ -31,6 +31,17 @@ SECONDS = 5.0
 """Of one turn, on the screen and in the mechanism."""
 FOREVER = f'dur="{SECONDS:g}s" repeatCount="indefinite"'
 WIDTH, HEIGHT, MARGIN = 900, 330, 26
+TILE = 300, 220
+"""Width and height of a tile."""
+TILES = (
+    ("jansen-leg", "O"),
+    ("engine-radial-five", "main"),
+    ("klann-leg", "M"),
+    ("windscreen-wiper", "A"),
+    ("jaw-crusher", "A"),
+    ("hoekens", "A"),
+)
+"""Mechanisms of the tiles, and the joint of each that turns once."""
 ROD = 13
 LONGEST = 74
 """Pixels of the largest reaction."""
@@ -63,7 +74,7 @@ def turning(name: str, joint: str) -> Any:
 class Machine:
     """A run as groups of an SVG, placed in a frame of the picture."""
 
-    def __init__(self, run: Any, left: float, width: float) -> None:
+    def __init__(self, run: Any, left: float, width: float, height: float = HEIGHT) -> None:
         self.run = run
         self.scene = scene.describe(run, None, packed=False)
         self.pose = Pose(self.scene)
@@ -71,9 +82,9 @@ class Machine:
         self.right, self.up = (np.array(view[word], dtype=float) for word in ("right", "up"))
         planar = self.pose.extent() @ np.array([self.right, self.up]).T
         low, high = planar.min(axis=0), planar.max(axis=0)
-        room = np.array([width - 2 * MARGIN, HEIGHT - 2 * MARGIN - 14.0])
+        room = np.array([width - 2 * MARGIN, height - 2 * MARGIN - 14.0])
         self.scale = float((room / (high - low)).min())
-        self.middle, self.centre = (low + high) / 2, np.array([left + width / 2, HEIGHT / 2 - 6.0])
+        self.middle, self.centre = (low + high) / 2, np.array([left + width / 2, height / 2 - 6.0])
         self.unit = self.pose.typical_force()
 
     def pixels(self, points: Any) -> Floats:
@@ -189,18 +200,21 @@ def motion(kind: str, values: Floats) -> str:
     return f'<animateTransform attributeName="transform" type="{kind}" values="{listed(values)}" {FOREVER}/>'
 
 
-def picture(machines: Sequence[tuple[str, str]] = MACHINES) -> str:
-    """The text of the picture."""
-    share = WIDTH / len(machines)
-    words = "a walking linkage and a V-twin engine with the reactions of their joints as arrows"
+WORDS = "a walking linkage and a V-twin engine with the reactions of their joints as arrows"
+
+
+def picture(machines: Sequence[tuple[str, str]] = MACHINES, width: int = WIDTH, height: int = HEIGHT) -> str:
+    """The text of a picture."""
+    share = width / len(machines)
+    words = WORDS if machines == MACHINES else f"{machines[0][0]}: one turn, with its reactions as arrows"
     parts = [
-        f'<svg xmlns="{SPACE}" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(words)}">',
+        f'<svg xmlns="{SPACE}" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(words)}">',
         f"<style>{STYLE}</style>",
         '<defs><marker id="tip" viewBox="0 0 10 10" refX="8" refY="5" markerWidth="4.4" markerHeight="4.4" '
         'orient="auto"><path class="head" d="M0,0L10,5L0,10Z"/></marker></defs>',
     ]
     for i, (name, joint) in enumerate(machines):
-        parts += [f'<g id="{escape(name)}">', *Machine(turning(name, joint), i * share, share).drawn(), "</g>"]
+        parts += [f'<g id="{escape(name)}">', *Machine(turning(name, joint), i * share, share, height).drawn(), "</g>"]
     return "\n".join([*filter(None, parts), "</svg>", ""])
 
 
@@ -211,6 +225,10 @@ def main(arguments: list[str]) -> int:
     options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text(picture(), encoding="utf-8")
     print(f"{options.out}: {options.out.stat().st_size // 1000} kB")
+    for machine in TILES:
+        tile = options.out.with_name(f"tile-{machine[0]}.svg")
+        tile.write_text(picture((machine,), *TILE), encoding="utf-8")
+        print(f"{tile}: {tile.stat().st_size // 1000} kB")
     return 0
 
 

@@ -39,6 +39,8 @@ LARGEST = 8.0e6
 LARGEST_ELSEWHERE = 9.5e6
 """Where the linker does not put similar functions beside each other (see `linking.py`)."""
 FMU = "partita/_fmu"
+WEB = "partita/_web"
+"""The core inside pages, which no wheel holds: it would be a quarter larger."""
 GLIBC = "2_28"
 """Oldest glibc of the wheels for Linux, of 2018: that of NumPy's and SciPy's."""
 MUSL = "1_2"
@@ -240,7 +242,8 @@ def sources() -> set[str]:
             subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout.split("\n")
         ) - {""}
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    return {name for name in there if "__pycache__" not in name and FMU not in name and not MODULES.fullmatch(name)}
+    built = (FMU, WEB, "__pycache__")
+    return {name for name in there if not any(x in name for x in built) and not MODULES.fullmatch(name)}
 
 
 def contents(wheel: Path) -> list[str]:

@@ -33,16 +33,16 @@ def whole_page(
     package: str,
     title: str,
     data: Mapping[str, Any],
-    scripts: Sequence[str],
+    scripts: Sequence[str | tuple[str, str]],
     module: str | None = None,
     below: tuple[str, Sequence[str]] | None = None,
     connects: str = "",
 ) -> str:
     """The page of a package: its `page.html` (what is seen) and `style.css`, the data as JSON in an element "data",
-    these scripts of it in one function, and a WebAssembly module in base 64 in an element "module". `{{TITLE}}` in
-    what is seen stands for the title, which is escaped; data are escaped so that they cannot end their element.
-    `below`: another package, whose style and these scripts come first. `connects`: what the page may load besides, in
-    the words of a content security policy; of pages that are files nothing.
+    these scripts of it (or of another package, with its name) in one function, and a WebAssembly module in base 64 in
+    an element "module". `{{TITLE}}` in what is seen stands for the title, which is escaped; data are escaped so that
+    they cannot end their element. `below`: another package, whose style and these scripts come first. `connects`: what
+    the page may load besides, in the words of a content security policy; of pages that are files nothing.
     """
     allowed = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
     if module is not None:
@@ -61,7 +61,8 @@ def whole_page(
         parts.append(_element("application/wasm", "module", module))
     # a module is compiled while the page loads, and awaited
     start = "(function () {" if module is None else "(async function () {"
-    files = [("partita", "tolerance.js"), *((other, name) for name in shared), *((package, name) for name in scripts)]
+    own = [(package, script) if isinstance(script, str) else script for script in scripts]
+    files = [("partita", "tolerance.js"), *((other, name) for name in shared), *own]
     lines = [part_of(*file) for file in files]
     parts += ["<script>", start, '"use strict";', *lines, "}());", "</script>"]
     return "\n".join([*parts, "</body>", "</html>", ""])

@@ -2,6 +2,7 @@
 
 import json
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,10 @@ SCISSOR = {
     "slides": [slide("floor", "D", None)],
     "motors": [{"name": "motor", "node": "M", "bar": "one", "rate": 0.3}],
 }
+LOADED = (
+    "(async () => { for (let i = 0; !window.drawing && i < 1000; i++) await new Promise((r) => setTimeout(r, 10)); })()"
+)
+"""Until the page that holds the core has unpacked it."""
 DRAWN = {"four-bar": FOUR, "slider-crank": SLIDER, "quick return": QUICK, "scissor": SCISSOR}
 
 
@@ -83,9 +88,18 @@ def poses(m: pt.Mechanism, seconds: float) -> np.ndarray:
 class User:
     """Someone who draws: places in metres."""
 
-    def __init__(self, browser: Chromium, screen: tuple[int, int, bool] = DESKTOP, scheme: str = "light") -> None:
+    def __init__(
+        self,
+        browser: Chromium,
+        screen: tuple[int, int, bool] = DESKTOP,
+        scheme: str = "light",
+        static: Path | None = None,
+    ) -> None:
+        """`static`: the page as a file, instead of the one that is served."""
         self.browser, self.page = browser, pt.draw(browser=False)
-        browser.open(self.page.url, screen, scheme)
+        browser.open(static or self.page.url, screen, scheme)
+        if static:  # the core is unpacked after the page is loaded
+            browser.value(LOADED)
 
     def __enter__(self) -> "User":
         return self

@@ -18,7 +18,7 @@ import partita as pt
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 from website import conf, docstrings, stage
-from website.outline import REFERENCE
+from website.outline import MEMBERS, REFERENCE
 
 KINDS = {name for name in (*vars(pt.errors), *vars(builtins)) if name.endswith(("Error", "Warning", "Interrupted"))}
 NAMES = [name for _, _, names in REFERENCE.values() for name in names]
@@ -34,6 +34,13 @@ def documented() -> Iterator[tuple[str, str]]:
                 there = inspect.getattr_static(kind, member)
                 if not member.startswith("_") and (isinstance(there, property) or inspect.isfunction(there)):
                     yield f"{name}.{member}", inspect.getdoc(there) or ""
+
+
+@pytest.mark.parametrize("name", MEMBERS)
+def test_every_member_of_a_large_class_has_one_place(name: str) -> None:
+    listed = [member for _, _, members in MEMBERS[name].values() for member in members]
+    public = {member for member in dir(stage.found(name)) if not member.startswith("_")}
+    assert sorted(listed) == sorted(public)
 
 
 def section(text: str, head: str) -> list[str]:

@@ -32,6 +32,7 @@ FLOOR = {
     "analysis": 3,
     "py": 4,
     "fmu": 4,
+    "web": 4,
     "face": 4,
     "tests": 4,
     "tests-hand": 4,

@@ -320,3 +320,32 @@ def test_blocks_stay_on_their_rails(browser: Chromium, tmp_path: Path) -> None:
     browser.rest_a_frame()
     shape = browser.value("playground.drawing.scene.run.scene.bodies[0].points")
     assert np.linalg.norm(np.subtract(*shape)) == pytest.approx(0.2, abs=1e-6)
+
+
+def test_rates_of_points_are_shown_as_arrows_and_a_lecture_alone(browser: Chromium, tmp_path: Path) -> None:
+    """The tip of a bar of r = 0.5 m that a drive turns at w = 2 rad/s: speed w r along the circle, acceleration w^2 r
+    to its middle, and ghosts on the circle."""
+    m = pt.Mechanism("bar")
+    bar = m.add_rod("bar", start=(0, 0, 0), end=(0.5, 0, 0), mass=1.0)
+    m.add_drive(m.add_revolute("A", m.ground, bar, point=(0, 0, 0)), velocity=2.0)
+    shown(browser, m.to_playground(tmp_path / "bar.html", speed=1.0))
+    for name in ("velocities", "accelerations", "ghosts"):
+        click(browser, name)
+    browser.value("new Promise((r) => setTimeout(r, 900))")
+    browser.value("document.getElementById('play').click()")
+    rates, ghosts = browser.value(
+        "(() => { const { shown } = playground.drawing.scene, [list] = shown.samples;"
+        " return [{ ...shown.constructor.rates(list), p: list[list.length - 1].p },"
+        " shown.ghosts.map((g) => g.bodies[0].lines[0][1])]; })()"
+    )
+    p = np.array(rates["p"])
+    assert np.linalg.norm(p) == pytest.approx(0.5, abs=1e-9)
+    assert np.array(rates["velocity"]) == pytest.approx([-2.0 * p[1], 2.0 * p[0], 0.0], abs=1e-5)
+    assert np.array(rates["acceleration"]) == pytest.approx(-4.0 * p, abs=2e-3)
+    assert len(ghosts) >= 2 and np.linalg.norm(ghosts, axis=1) == pytest.approx(np.full(len(ghosts), 0.5), abs=1e-9)
+    browser.value("document.activeElement.blur()")
+    browser.press("p")
+    assert browser.value("getComputedStyle(document.querySelector('aside')).display") == "none"
+    browser.press("p")
+    assert browser.value("getComputedStyle(document.querySelector('aside')).display") != "none"
+    assert browser.reported == []

@@ -14,6 +14,7 @@ SEARCHED = (
     "natural frequency", "equilibrium", "motor torque", "release", "rope", "spring force", "degrees of freedom",
     "inertia of a disc", "density", "CAD",
     "singular", "over-constrained", "CAD inertia",
+    "contact", "flexible", "events", "control",
 )  # fmt: skip
 
 

@@ -18,11 +18,13 @@ import pytest
 from sketches import DRAWN, FOUR, QUICK, SCISSOR, SLIDER, bar, drawing, place, poses, slide
 
 import partita as pt
+from partita.cli import main
 from partita.errors import ArgumentError, DescriptionError
-from partita.sketch import drawing_of, mechanism_of, script_of
+from partita.serving import CONNECTIONS, HOST, MOST_BYTES
+from partita.sketch import drawing_of, mechanism_of, script_of, static
 from partita.sketch.answer import answer
 from partita.sketch.drawing import EMPTY, MOST
-from partita.sketch.server import CONNECTIONS, HOST, MOST_BYTES, DrawingPage
+from partita.sketch.server import DrawingPage
 
 
 @pytest.mark.parametrize("name", DRAWN)
@@ -314,3 +316,13 @@ def test_a_drawing_has_few_enough_elements_to_be_examined_at_once() -> None:
     nodes = [place(f"n{i}", float(i), 0.0) for i in range(MOST + 1)]
     with pytest.raises(ArgumentError, match=f"nodes must be a list of at most {MOST}"):
         drawing_of(drawing(nodes=nodes))
+
+
+def test_without_a_core_for_pages_the_static_page_says_how_to_get_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(static, "MODULE", tmp_path / "none.wasm")
+    assert main(["draw", "--static", str(tmp_path / "draw.html")]) == 2
+    words = capsys.readouterr().err
+    assert "no core for pages" in words and "make web" in words
+    assert not (tmp_path / "draw.html").exists()

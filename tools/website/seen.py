@@ -16,10 +16,16 @@ QUESTIONS = Path(__file__).with_name("site_page.js").read_text(encoding="utf-8")
 
 # What people type into the search box -> where one of the first results must lead.
 SEARCHES = {
-    "simulate": "reference/mechanism.html#partita.Mechanism.simulate",
-    "Result.joint": "reference/results.html#partita.Result.joint",
-    "add_revolute": "reference/mechanism.html#partita.Mechanism.add_revolute",
-    "Certificate": "reference/results.html#partita.results.Certificate",
+    "simulate": "reference/mechanism/mechanism-runs.html#partita.Mechanism.simulate",
+    "Result.joint": "reference/results/result.html#partita.Result.joint",
+    "add_revolute": "reference/mechanism/mechanism-joints.html#partita.Mechanism.add_revolute",
+    "Certificate": "reference/results/certificate.html#partita.results.Certificate",
+    "inertia of a disc": "find.html#inertia-of-a-disc",
+    "contact": "find.html#contact",
+    "flexible": "find.html#flexible-bodies",
+    "events": "find.html#events",
+    "control": "find.html#control",
+    "CAD": "find.html#cad",
     "over-constrained": "",
     "redundant": "",
 }

@@ -9,6 +9,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import redirect_stdout
+from html import escape
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,9 +17,12 @@ from types import FunctionType
 from typing import Any
 
 from partita import catalogue
+from partita.errors import MissingFileError
+from partita.sketch import static_page
 
 from . import conf, docstrings, gallery, labels, notebooks
-from .outline import PARTS, REFERENCE
+from .outline import MEMBERS, PARTS, REFERENCE
+from .tilt import tilt_page
 
 HERE = Path(__file__).parent
 DOCS = HERE.parents[1] / "docs"
@@ -59,6 +63,10 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
     changes = (DOCS.parent / "CHANGELOG.md").read_text(encoding="utf-8")
     changes = PAGE.sub(r"[\1](\1)", changes.replace("](docs/", "]("))
     (folder / "changelog.md").write_text(changes, encoding="utf-8")
+    for name in ("CONTRIBUTING", "ARCHITECTURE"):
+        text = (DOCS.parent / f"{name}.md").read_text(encoding="utf-8").replace("](docs/", "](")
+        text = text.replace("](ARCHITECTURE.md)", "](architecture.md)").replace("](CHANGELOG.md)", "](changelog.md)")
+        (folder / f"{name.lower()}.md").write_text(text, encoding="utf-8")
     for name in ("conf.py", "scorer.js", *STATIC):
         target = folder / ("_static" if name in STATIC else ".") / name
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -70,6 +78,7 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
         (beside / f"{notebook.stem}.md").write_text(notebooks.page(notebook, beside), encoding="utf-8")
         shutil.copy(notebook, files)
     animate(folder)
+    tile(folder)
     reference(folder / "reference")
     gallery.build(folder / "gallery", folder / "_extra" / "live", only)
     draw(folder)
@@ -79,8 +88,14 @@ def stage(folder: Path, draw: Callable[[Path], None], only: tuple[str, ...] | No
 # Pictures on pages of docs/, beside which they stand.
 SHOWN = re.compile(r"!\[[^\]]*\]\(([\w/.-]+)\)")
 # Where a page of docs/ shows a mechanism in motion: what its own code left in `run`, or a mechanism of the catalogue.
-# With "bare" the drawing alone, as wide as the page; with "playground" one that the reader changes.
-LIVE = re.compile(r"^<!-- live: ([\w-]+)(?: (bare|playground))? -->$", flags=re.MULTILINE)
+# With "bare" the drawing alone, as wide as the page; with "playground" one that the reader changes; with "page" one
+# of PAGES.
+LIVE = re.compile(r"^<!-- live: ([\w-]+)(?: (bare|playground|page))? -->$", flags=re.MULTILINE)
+PAGES: dict[str, Callable[[], str]] = {"draw": static_page, "tilt": tilt_page}
+MISSING = (
+    "*This site was built without Rust's target for pages, wasm32-unknown-unknown, so the page that stands here is "
+    "missing.*"
+)
 CODE = re.compile(r"^```python\n(.*?)^```$", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -96,6 +111,8 @@ def animate(folder: Path) -> None:
         up = "../" * (len(page.relative_to(folder).parts) - 1)
 
         def shown(mark: re.Match[str], text: str = text, name: str = name, up: str = up) -> str:
+            if mark[2] == "page":
+                return alone(mark[1], pages, up)
             if mark[2] == "playground":
                 catalogue.load(mark[1]).to_playground(pages / f"{name}.html")
             else:
@@ -110,6 +127,33 @@ def animate(folder: Path) -> None:
             )
 
         page.write_text(LIVE.sub(shown, text), encoding="utf-8")
+
+
+def tile(folder: Path) -> None:
+    """Moving tiles on the first page, each of which opens its animated page, playing."""
+    page, pictures = folder / "index.md", folder / "_extra" / "tiles"
+    pictures.mkdir(parents=True)
+    cards = []
+    for drawn in sorted((DOCS / "pictures").glob("tile-*.svg")):
+        name = drawn.stem.removeprefix("tile-")
+        shutil.copy(drawn, pictures)
+        title = catalogue.entry(name).title
+        picture = f'<img src="tiles/tile-{name}.svg" alt="" width="300" height="220">'
+        cards.append(f'<a class="card" href="live/{name}.html#play">{picture}<span>{escape(title)}</span></a>')
+    shown = f'<div class="gallery tiles">\n{"".join(cards)}\n</div>'
+    page.write_text(page.read_text(encoding="utf-8").replace("<!-- tiles -->", shown), encoding="utf-8")
+
+
+def alone(name: str, pages: Path, up: str) -> str:
+    """One of PAGES, in a frame as high as it needs, and by itself."""
+    try:
+        (pages / f"page-{name}.html").write_text(PAGES[name](), encoding="utf-8")
+    except MissingFileError:
+        return MISSING
+    return (
+        f'<iframe class="live page" src="{up}live/page-{name}.html" loading="lazy" title="it computes here"></iframe>\n'
+        f'<p><a href="{up}live/page-{name}.html">The page alone</a>: save it, and it works without a network.</p>'
+    )
 
 
 def ran(text: str) -> dict[str, Any]:
@@ -142,19 +186,82 @@ def toctree(caption: str, pages: Iterable[str]) -> str:
     return "\n".join(lines)
 
 
+LOOKED_UP = "For users of the Python interface who look up a name, its arguments, units and errors."
+
+
 def reference(folder: Path) -> None:
-    """Pages of the reference, from docstrings."""
+    """Pages of the reference, from docstrings: one for each class or function below one for each part."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "rust.md").write_text(RUST, encoding="utf-8")
     for page, (title, sentence, names) in REFERENCE.items():
-        blocks = [directive(name) for name in names]
+        body = f"# {title}\n\n{LOOKED_UP} {sentence}\n\n"
+        blocks = [".. automodule:: partita.units\n   :no-members:"] if page == "units" else []
         if page == "errors":
             blocks = [".. automodule:: partita.errors\n   :members:\n   :show-inheritance:"]
-        if page == "units":
-            blocks.insert(0, ".. automodule:: partita.units\n   :no-members:")
-        text = "\n\n".join(blocks)
-        body = f"# {title}\n\n{sentence}\n\n```{{eval-rst}}\n{text}\n```\n"
-        (folder / f"{page}.md").write_text(body, encoding="utf-8")
+        if names:
+            blocks += list(listed(names))
+            body += toctree("", [f"{page}/{own}" for own in page_names(names).values()]) + "\n"
+            for name, own in page_names(names).items():
+                one(name, folder / page / f"{own}.md")
+        (folder / f"{page}.md").write_text(body + directives(blocks), encoding="utf-8")
+
+
+def directives(blocks: Iterable[str]) -> str:
+    """Directives of Sphinx in a page of Markdown."""
+    text = "\n\n".join(blocks)
+    return f"```{{eval-rst}}\n{text}\n```\n"
+
+
+def page_names(names: Iterable[str]) -> dict[str, str]:
+    """Name -> name of its page; in small letters, since disks may not tell them from large ones."""
+    pages: dict[str, str] = {}
+    for name in names:
+        own = name.rpartition(".")[2].lower()
+        pages[name] = (
+            own if own not in pages.values() else f"{own}-{'class' if isinstance(found(name), type) else 'function'}"
+        )
+    return pages
+
+
+def listed(names: Iterable[str]) -> Iterable[str]:
+    """Tables of classes and functions, each with its first sentence."""
+    known = {name: found(name) for name in names}
+    for what, wanted in (("Classes", True), ("Functions", False)):
+        rows = [
+            row(name.rpartition(".")[2], name, kind)
+            for name, kind in known.items()
+            if isinstance(kind, type) == wanted and inspect.getdoc(kind)
+        ]
+        if rows:
+            yield table(what, rows)
+
+
+def one(name: str, page: Path) -> None:
+    """The page of a class or a function; a class with many members has them on pages below."""
+    page.parent.mkdir(parents=True, exist_ok=True)
+    last, kind = name.rpartition(".")[2], found(name)
+    groups = MEMBERS.get(name)
+    if groups is None or not isinstance(kind, type):
+        page.write_text(f"# {last}\n\n{directives([directive(name)])}", encoding="utf-8")
+        return
+    blocks = [f".. autoclass:: partita.{name}"]
+    for title, sentence, members in groups.values():
+        rows = [row(member, f"{name}.{member}", inspect.getattr_static(kind, member)) for member in members]
+        blocks.append(table(f"{title}: {sentence[0].lower()}{sentence[1:]}", rows))
+    below = toctree("", [f"{page.stem}-{own}" for own in groups])
+    page.write_text(f"# {last}\n\n{below}\n{directives(blocks)}", encoding="utf-8")
+    for own, (title, sentence, members) in groups.items():
+        shown = [f".. auto{kind_of(kind, member)}:: partita.{name}.{member}" for member in members]
+        text = f"# {title}\n\n{LOOKED_UP} {sentence}\n\n{directives(shown)}"
+        (page.parent / f"{page.stem}-{own}.md").write_text(text, encoding="utf-8")
+
+
+def kind_of(owner: type, member: str) -> str:
+    """The word of Sphinx for a member."""
+    there = inspect.getattr_static(owner, member)
+    if isinstance(there, property):
+        return "property"
+    return "method" if isinstance(there, (FunctionType, classmethod, staticmethod)) else "attribute"
 
 
 def directive(name: str) -> str:
@@ -181,9 +288,18 @@ def overview(name: str, kind: type) -> list[str]:
         )
         hidden = member.startswith("_") or conf.internal(kind, there) or hasattr(Mapping, member)
         if reported and not hidden:
-            rows.append(f"   * - :py:obj:`{member} <partita.{name}.{member}>`\n     - {first(reported)}")
-    table = f".. list-table:: What a {kind.__name__} has\n   :widths: auto\n   :class: members\n\n"
-    return [table + "\n".join(rows)] if len(rows) >= MANY else []
+            rows.append(row(member, f"{name}.{member}", there))
+    return [table(f"What a {kind.__name__} has", rows)] if len(rows) >= MANY else []
+
+
+def row(word: str, name: str, what: object) -> str:
+    """A row of a table: a name that leads to its place, and its first sentence."""
+    return f"   * - :py:obj:`{word} <partita.{name}>`\n     - {first(inspect.getdoc(what) or '')}"
+
+
+def table(title: str, rows: Iterable[str]) -> str:
+    """Such a table."""
+    return f".. list-table:: {title}\n   :widths: auto\n   :class: members\n\n" + "\n".join(rows)
 
 
 def first(text: str) -> str:

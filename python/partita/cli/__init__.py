@@ -1,5 +1,5 @@
-"""The command `partita`: simulate, compare, report, check, assemble, equilibrium, modes, inverse, list, bench, plot,
-view, convert, draw, mcp, completion.
+"""The command `partita`: simulate, compare, report, check, assemble, equilibrium, modes, inverse, list, new, watch,
+bench, plot, view, convert, draw, mcp, completion.
 
 Exit codes: 0 done; 1 the run stopped early (its results are still written); 2 bad usage or an error, reported in one
 message on stderr; 130 interrupted (what was computed until then is still written)."""

@@ -32,7 +32,9 @@ EXAMPLES = {
     "modes": ("four-bar-spring", "four-bar-spring --html mode.html"),
     "inverse": ("four-bar --rate A=60rpm --time 1", "four-bar --rate A=60rpm --actuator D -o torque.png"),
     "list": ("",),
-    "draw": ("", "--port 8000 --no-browser"),
+    "new": ("four-bar > my.toml", "slider-crank --rods -o my.toml"),
+    "watch": ("my.toml", "my.toml --time 10"),
+    "draw": ("", "--port 8000 --no-browser", "--static draw.html"),
     "bench": ("four-bar --time 1", "andrews-squeezer --tolerances 1e-5,1e-7,1e-9"),
     "plot": ("run.nc", "run.nc --what energy --what A -o energy.pdf"),
     "view": ("run.nc", "run.nc -o run.html"),
@@ -57,6 +59,7 @@ def parser() -> argparse.ArgumentParser:
     from .inverse import inverse
     from .mcp import mcp
     from .simulate import simulate
+    from .started import new, watch
     from .statics import equilibrium, modes
 
     top = _Parser(prog="partita", description="Motion and forces of mechanisms with closed loops.")
@@ -87,6 +90,9 @@ def parser() -> argparse.ArgumentParser:
     _inverse(_command(words, "inverse", inverse, "efforts that a motion needs, for the choice of motors"))
 
     _json(_command(words, "list", commands.list_names, "list the mechanisms of the catalogue"))
+
+    _new(_command(words, "new", new, "print a mechanism of the catalogue as a model file with comments, to change"))
+    _watch(_command(words, "watch", watch, "show a model file on a page, drawn anew whenever the file is saved"))
 
     _draw(_command(words, "draw", commands.draw, "open a page on which a planar mechanism is drawn with the mouse"))
 
@@ -267,9 +273,29 @@ def _bench(command: argparse.ArgumentParser) -> None:
     _json(command)
 
 
+def _new(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("name", metavar="NAME", help="a name from `partita list`")
+    add("-o", "--output", metavar="FILE", help="file to write (.toml); default: print it")
+    add("--rods", action="store_true", help="keep slender rods instead of plates")
+
+
+def _watch(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("model", metavar="FILE", help="a model file")
+    shown = command.add_mutually_exclusive_group()
+    shown.add_argument("--time", metavar="S", type=seconds, help="show a run of this length [s] instead of the drawing")
+    shown.add_argument("--live", action="store_true", help="show a page that computes: pull links, change numbers")
+    add("--port", type=port, default=0, help="port of the page (default: a free one)")
+    add("--no-browser", action="store_true", help="do not open the page in the browser")
+    _reading(command)
+
+
 def _draw(command: argparse.ArgumentParser) -> None:
     command.add_argument("--port", metavar="N", type=port, default=0, help="port on this machine; default: a free one")
     command.add_argument("--no-browser", action="store_true", help="print the address of the page, but open no browser")
+    about = "write the page as one file that computes without Python (.html), instead of serving it"
+    command.add_argument("--static", metavar="FILE", help=about)
 
 
 def _mcp(command: argparse.ArgumentParser) -> None:

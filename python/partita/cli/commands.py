@@ -80,9 +80,13 @@ def convert(arguments: argparse.Namespace) -> int:
 
 
 def draw(arguments: argparse.Namespace) -> int:
-    """Serve the page on which a mechanism is drawn until Ctrl+C."""
+    """Serve the page on which a mechanism is drawn until Ctrl+C, or write it as a file of its own."""
     from ..sketch import draw as opened
+    from ..sketch import write_static_page
 
+    if arguments.static:
+        print(f"wrote {write_static_page(arguments.static)}; open it with a browser")
+        return 0
     with suppress(KeyboardInterrupt), opened(port=arguments.port, browser=not arguments.no_browser) as page:
         print(f"draw at {page.url}\nCtrl+C ends", flush=True)
         page.wait()

@@ -76,7 +76,7 @@ def to_html(
     'four-bar.html'
     """
     where = target(path, "a page ")
-    return put(where, _page(self, title, state, shapes, points).encode("utf-8"))
+    return put(where, still_text(self, title, state, shapes, points).encode("utf-8"))
 
 
 def show(
@@ -98,7 +98,7 @@ def show(
     >>> m = pt.catalogue.load("four-bar")
     >>> page = m.show()                                             # doctest: +SKIP
     """
-    return opened(_page(self, title, state, shapes, points))
+    return opened(still_text(self, title, state, shapes, points))
 
 
 def plot(
@@ -308,13 +308,14 @@ def _gaps(d: Description, size: float) -> list[Gap]:
     return found
 
 
-def _page(
+def still_text(
     self: Modelled,
-    title: str | None,
-    state: State | None,
-    shapes: Mapping[str, Any] | None,
-    points: Mapping[str, Any] | None,
+    title: str | None = None,
+    state: State | None = None,
+    shapes: Mapping[str, Any] | None = None,
+    points: Mapping[str, Any] | None = None,
 ) -> str:
+    """The page of `to_html` as text. Arguments and errors are those of `to_html`."""
     from ..viewer.hints import looking
     from ..viewer.still import still_page
 

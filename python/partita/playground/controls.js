@@ -171,10 +171,25 @@ for (const name of ["names", "traces", "forces", "moments", "loads"]) {
   $(name).checked = scene.options[name];
   $(name).addEventListener("change", (event) => { scene.options[name] = event.target.checked; });
 }
+for (const name of ["velocities", "accelerations", "ghosts"]) {
+  $(name).addEventListener("change", (event) => { scene.shown.options[name] = event.target.checked; });
+}
 $("loads").parentElement.hidden = !live.scene.springs.length;
 $("reset").addEventListener("click", resetView);
 $("lens").addEventListener("click", () => setLens(!scene.camera.parallel));
 $("theme").addEventListener("click", toTheme);
+/** The mechanism alone, as large as the screen; again: the page as it was. */
+function present(on) {
+  document.body.dataset.present = on ? "yes" : "no";
+  $("present").setAttribute("aria-pressed", String(on));
+  $("present").textContent = on ? "All" : "Present";
+  const full = document.fullscreenElement;
+  if (on && !full && document.documentElement.requestFullscreen) document.documentElement.requestFullscreen().catch(() => {});
+  if (!on && full) document.exitFullscreen().catch(() => {});
+}
+const presents = () => document.body.dataset.present === "yes";
+$("present").addEventListener("click", () => present(!presents()));
+document.addEventListener("fullscreenchange", () => { if (!document.fullscreenElement && presents()) present(false); });
 prefersDark.addEventListener("change", (event) => setTheme(event.matches ? "dark" : "light"));
 function resized() {
   const stage = $("view").getBoundingClientRect(), box = $("tools").getBoundingClientRect();
@@ -219,6 +234,8 @@ document.addEventListener("keydown", (event) => {
   if (event.key === " ") $("play").click();
   else if (key === "r") restart();
   else if (key === "d") toTheme();
+  else if (key === "p") present(!presents());
+  else if (event.key === "Escape" && presents()) present(false);
   else if (key === "0") resetView();
   else if (key === "+" || key === "=") zoom(1.2);
   else if (key === "-") zoom(1 / 1.2);
@@ -319,7 +336,7 @@ function frame(now) {
         motion.advance(from + ((asked - from) * i) / parts, deadline);
         if (i === parts) break; // this one is drawn below
         live.look();
-        scene.record();
+        scene.record(now / 1000);
       }
       asked = Math.min(asked, motion.t);
     } catch (error) {
@@ -332,7 +349,7 @@ function frame(now) {
   scene.draw(0, running);
   showTip($("tip"), scene, 0, hovered && scene.pick(hovered.x, hovered.y), hovered ? hovered.x : 0, hovered ? hovered.y : 0);
   if (running) {
-    scene.record();
+    scene.record(now / 1000);
     plots.record(motion.t, live.state.energy);
   }
   show(live.state.energy);

@@ -158,6 +158,7 @@ class LiveScene extends Scene {
     this.momentUnit = 0;
     this.parts = 1; // points of a path in one frame
     this.traced = this.sources().map((at) => ({ at, points: [] }));
+    this.shown = new Shown(this.traced.map(({ at }) => at));
     this.options.traces = this.traced.length <= TRACED;
     this.options.loads = run.scene.springs.length > 0;
     this.lengths = new Map();
@@ -188,7 +189,8 @@ class LiveScene extends Scene {
   }
 
   /** Paths grow while the motion goes on. */
-  record() {
+  record(seconds = 0) {
+    this.shown.record(this.run.motion.t, seconds, () => this.outlines());
     for (const { at, points } of this.traced) {
       const p = at();
       if (isFinite3(p)) points.push(p);
@@ -206,6 +208,21 @@ class LiveScene extends Scene {
   forget() {
     for (const path of this.traced) path.points = [];
     this.lengths.clear();
+    this.shown.forget();
+  }
+
+  /** Lines of all bodies where they are, with their colours. */
+  outlines() {
+    return this.run.scene.bodies.map((body, b) => {
+      const [first, ...rest] = body.points.map((p) => this.run.placed(0, b, p)), ring = ["plate", "frame"].includes(body.kind);
+      const corners = [first, ...rest, first];
+      return { colour: this.colourOf(b), lines: ring ? corners.slice(1).map((p, i) => [corners[i], p]) : rest.map((p) => [first, p]) };
+    });
+  }
+
+  bodies(painter, frame) {
+    this.shown.behind(painter, this.radius);
+    super.bodies(painter, frame);
   }
 
   traces(painter, frame, those) {
@@ -239,6 +256,7 @@ class LiveScene extends Scene {
         this.arrowDrawn(painter.arrow(ends[end], scaled(line, (sign * force * span) / (l * this.forceUnit)), COLOURS.load, 1, false, MOST_ARROW * span));
       }
     }
+    this.shown.arrows(painter, this.arrowSpan * options.arrows);
     if (!this.pull) return;
     const from = this.camera.project(run.placed(0, this.pull.body, this.pull.point)), to = this.camera.project(this.pull.to);
     if (!from || !to) return;

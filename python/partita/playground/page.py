@@ -13,7 +13,7 @@ COMPUTES = (
     "module.js", "linear.js", "equations.js", "reactions.js", "closing.js", "choice.js", "methods.js", "motion.js",
 )  # fmt: skip
 """Scripts without reference to the page: with `tolerance.js` of the package they define `makeMotion`."""
-SCRIPTS = (*COMPUTES, "address.js", "export.js", "live.js", "fields.js", "controls.js")
+SCRIPTS = (*COMPUTES, "address.js", "export.js", "shown.js", "live.js", "fields.js", "controls.js")
 
 
 def html(

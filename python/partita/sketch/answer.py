@@ -21,8 +21,8 @@ def answer(drawing: Drawing) -> dict[str, Any]:
     where they cannot be closed.
     """
     found: dict[str, Any] = {
-        "kind": "empty", "message": "Draw a bar: press where it begins, drag to where it ends.", "remarks": [],
-        "mobility": None, "gaps": [], "closed": None, "toml": None, "python": None,
+        "kind": "empty", "message": "Draw a bar: press where it begins, drag to where it ends.", "redundancy": "",
+        "remarks": [], "mobility": None, "gaps": [], "closed": None, "toml": None, "python": None,
     }  # fmt: skip
     if not drawing.bars and not drawing.slides:
         return found
@@ -41,7 +41,8 @@ def judged(m: Mechanism, drawing: Drawing) -> dict[str, Any]:
         shown = still(m, None)
         gaps = [{"label": gap.label, "points": [list(map(float, p[:2])) for p in gap.ends]} for gap in shown.gaps]
         return {"kind": "open", "message": checked.why, "remarks": list(checked.remarks), "gaps": gaps}
-    mobility = int(checked.report.to_dict()["mobility"])
+    report = checked.report.to_dict()
+    mobility = int(report["mobility"])
     driven = len(drawing.motors)
     moves = mobility > 0 or driven > 0
     words = f"{mobility} degree{'' if mobility == 1 else 's'} of freedom"
@@ -53,6 +54,7 @@ def judged(m: Mechanism, drawing: Drawing) -> dict[str, Any]:
     return {
         "kind": "moves" if moves else "rigid",
         "message": f"{words}.",
+        "redundancy": report["redundancy"],
         "remarks": list(checked.remarks),
         "mobility": mobility,
         "closed": node_positions(m, drawing) if lengths else None,

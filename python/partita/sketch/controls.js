@@ -1,6 +1,5 @@
 // The page: tools, pointer, keyboard, properties, messages, files, running.
 
-const $ = (id) => document.getElementById(id);
 const { drawing, empty } = JSON.parse($("data").textContent);
 const sketch = new Sketch(drawing);
 const picture = new Picture(sketch, $("view"));
@@ -34,6 +33,7 @@ function heard(found) {
   picture.gaps = found.gaps || [];
   if (picture.gaps.length && !picture.touched) picture.resetView();
   say(found.message, found.kind);
+  $("redundancy").textContent = found.redundancy || "";
   $("remarks").replaceChildren(...(found.remarks || []).map((words) => element("li", "", words)));
   $("run").disabled = !runs();
   for (const id of ["toml", "python"]) $(id).disabled = !found[id];
@@ -402,12 +402,14 @@ function step(to) {
 $("undo").addEventListener("click", () => step(() => sketch.undo()));
 $("redo").addEventListener("click", () => step(() => sketch.redo()));
 $("remove").addEventListener("click", () => { if (picture.selected !== null) change(() => sketch.remove(picture.selected)); });
-$("clear").addEventListener("click", () => {
-  change(() => { sketch.data = structuredClone(empty); });
+/** Another drawing in the place of this one. */
+function replaced(data) {
+  change(() => { sketch.data = structuredClone(data); });
   showGravity();
   picture.resetView();
   picture.draw();
-});
+}
+$("clear").addEventListener("click", () => replaced(empty));
 $("reset").addEventListener("click", () => { picture.resetView(); picture.draw(); });
 
 async function showText(kind) {
@@ -440,19 +442,13 @@ async function run() {
   const found = await link.run();
   $("run").disabled = !runs();
   if (!found.run) { say(found.message, "refused"); return; }
-  frame(found.run);
   document.body.dataset.mode = "run";
+  showRun(found.run);
 }
 function back() {
   document.body.dataset.mode = "draw";
-  frame("about:blank");
+  hideRun();
   resized();
-}
-/** Another page in the frame, by another frame: the browser's Back button leaves this page, as it did before. */
-function frame(address) {
-  const old = $("running"), made = old.cloneNode();
-  made.src = address;
-  old.replaceWith(made);
 }
 $("run").addEventListener("click", run);
 $("back").addEventListener("click", back);
@@ -519,6 +515,7 @@ showGravity();
 resized();
 choose("bar");
 refresh();
+link.openAddress();
 link.ask();
 // for tests and for the curious
 window.drawing = { sketch, picture, link, choose, run, back, answer: () => answer, pixelOf: (id) => picture.pixelOf(id) };

@@ -1,5 +1,6 @@
 // The drawing: nodes, bars, slides, motors and springs as plain data, changes of it, undo and redo.
 
+const $ = (id) => document.getElementById(id);
 const MOST_UNDO = 200;
 const TABLES = ["nodes", "bars", "slides", "motors", "springs"];
 const DENSITY = 1; // kg a metre of a new bar

@@ -46,4 +46,15 @@ class Link {
       return { message: SILENCE };
     }
   }
+
+  openAddress() {}
 }
+
+/** Show a run in the place of the drawing, and the drawing again. By another frame each time: the browser's Back button
+ * leaves this page, as it did before. */
+function showRun(address) {
+  const old = $("running"), made = old.cloneNode();
+  made.src = address;
+  old.replaceWith(made);
+}
+const hideRun = () => showRun("about:blank");
