@@ -27,7 +27,7 @@ from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
 from ..state import Layout, StateView
 from .inputs import drawn_values, settable
 from .models import Modelled
-from .parting import joints_of, named_joint, parted_at_start, parting
+from .parting import is_measure, joints_of, lock_of, named_joint, parted_at_start, parting
 from .set_valued import latch_of, of_elements
 
 Array = NDArray[np.float64]
@@ -101,7 +101,8 @@ def observed(
     if steps and acting.parting:
         joint, who = next(iter(acting.parting.items()))
         raise ArgumentError(f"{who} parts the joint {joint!r}, which only simulate can", argument="events")
-    at_start = [name for joint in joints_of("locked", locked) for name in acting.locked("locked", joint, None)]
+    at_start = [name for given in joints_of("locked", locked) for name in acting.locked("locked", lock_of(given))]
+    acting.name_locks(found)
     own = list(of_elements(mechanism._description, model, acting.hold, acting.hold_locked))
     if not found and not at_start and not apart and not own:
         return None, model
@@ -137,6 +138,8 @@ class _Actions:
         self.inputs: list[str] = []
         """Names of those that may be set."""
         self.parting, self._sets_inputs = parting, sets_inputs
+        self._measures: dict[str, dict[str, Any]] = {}
+        """Measures that are locked, by the names of their drives."""
 
     def actions(self, event: Event, maker: _Maker) -> list[dict[str, Any]]:
         """What an event does, as plain data."""
@@ -177,9 +180,9 @@ class _Actions:
         """One action, as plain data."""
         found: list[dict[str, Any]] = []
         if isinstance(action, Lock):
-            found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
+            found += [{"lock": name} for name in self.locked(event.name, action)]
         elif isinstance(action, Release):
-            if latch_of(self._mechanism, action.joint) is None:
+            if self._lock_of_measure(event.name, action.joint) is None and latch_of(self._mechanism, action.joint) is None:
                 name = named_joint(self._mechanism, event.name, action.joint).name
                 if name in self.parting:
                     return [{"part": name}]
@@ -192,26 +195,67 @@ class _Actions:
             found.append({"stop": self._stop(event, action, maker)})
         return found
 
-    def locked(self, asker: str, joint: Any, coordinate: int | None) -> list[str]:
-        """The names of the drives that hold a joint, or one of its coordinates."""
-        element = Element("event", asker)
-        record = joint_record(self._mechanism, element, joint)
-        moving = motions(record)
+    def name_locks(self, found: Iterable[Event]) -> None:
+        """Add the drives by which events lock measures, so that others can release them by name."""
+        for event in found:
+            for action in event.then:
+                if isinstance(action, Lock) and is_measure(action.joint):
+                    self.locked(event.name, action)
+
+    def locked(self, asker: str, lock: Lock) -> list[str]:
+        """The names of the drives that hold a joint, one of its coordinates, or a measure."""
+        element, lock = Element("event", asker), lock_of(lock)
+        if is_measure(lock.joint):
+            return [self._locked_measure(element, lock)]
+        record = joint_record(self._mechanism, element, lock.joint)
+        moving, coordinate = motions(record), lock.coordinate
         chosen = range(len(moving)) if coordinate is None else [coordinate_of(element, record, coordinate, len(moving))]
         if not moving:
             element.fail(f'the joint "{record.name}" has no motion that could be held')
+        if lock.name is not None:
+            element.fail(f'it locks the joint "{record.name}" under a name of its own; only a measure has one')
         names = []
         for i in chosen:
             measured = {"of": "joint", "joint": record.name, "coordinate": i}
             names.append(self.hold_locked("", measured, "velocity", 0.0))
         return names
 
+    def _locked_measure(self, element: Element, lock: Lock) -> str:
+        """The name of the drive that holds a measure."""
+        if lock.coordinate is not None:
+            element.fail(f"it locks coordinate {lock.coordinate} of a measure, which has none; leave it out")
+        measured = measure(self._mechanism, element, lock.joint)
+        known = next((name for name, x in self._measures.items() if x == measured), None)
+        if known is not None and lock.name in (None, known):
+            return known
+        if known is not None:
+            element.fail(f'it locks as "{lock.name}" what is locked as "{known}"; give one name')
+        name = lock.name or f"lock of {measured['of']}"
+        taken = [*self._mechanism._description.drives, *self._mechanism._description.forces, *self.drives]
+        if lock.name is not None and name in taken:
+            element.fail(f'it locks under the name "{name}", which something else has; give another one')
+        while name in taken:
+            name += "'"
+        self._measures[name] = measured
+        return self.hold(name, measured, "velocity", 0.0)
+
+    def _lock_of_measure(self, asker: str, given: Any) -> str | None:
+        """The drive that locks a measure, given by its name or as the measure; None for anything else."""
+        if not is_measure(given):
+            return given if isinstance(given, str) and given in self._measures else None
+        element = Element("event", asker)
+        measured = measure(self._mechanism, element, given)
+        known = next((name for name, x in self._measures.items() if x == measured), None)
+        return known or element.fail("it releases a measure that nothing locks; give the one of a pt.Lock")
+
     def _released(self, event: Event, action: Release) -> list[str]:
-        """The drives that a release lets go: those of a joint, or the one of a latch."""
+        """The drives that a release lets go: those of a joint, or the one of a measure or a latch."""
+        if (name := self._lock_of_measure(event.name, action.joint)) is not None:
+            return [name]
         latch = latch_of(self._mechanism, action.joint)
         if latch is not None:
-            return self.locked(event.name, latch["joint"], latch["coordinate"])
-        return self.locked(event.name, action.joint, None)
+            return self.locked(event.name, Lock(latch["joint"], latch["coordinate"]))
+        return self.locked(event.name, Lock(action.joint))
 
     def _input(self, event: Event, action: SetInput) -> list[Any]:
         """The number of an input and its value."""
