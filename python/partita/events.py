@@ -49,9 +49,9 @@ class Lock:
 class Release:
     """An action of an event: a joint that is locked is free again, or a joint is parted.
 
-    If anything in the run locks the joint (a `Lock` of any event, or `locked=`), the lock ends; so does that of a measure,
-    given by its name or as the measure. Otherwise the joint itself ends: all of its constraints act no longer, and its bodies go on with their velocities. What is parted stays
-    parted.
+    If anything in the run locks the joint (a `Lock` of any event, or `locked=`), the lock ends; so does that of a
+    measure, given by its name or as the measure. Otherwise the joint itself ends: all of its constraints act no longer,
+    and its bodies go on with their velocities. What is parted stays parted.
 
     >>> import partita as pt
     >>> pt.Release("A")

@@ -281,6 +281,9 @@ class CompiledModel(Equations):
         core = self.core.with_more_drives(json.dumps(list(drives)))
         with uncollected():
             summary = json.loads(core.summary)
+        # mobility, and which rows are redundant, are those where nothing is held
+        always = ("mobility", "rank", "joint_rows", "joint_rank", "removed", "notes", "geometric_error", "repaired")
+        summary |= {key: self.summary[key] for key in always}
         summary["holding"] = {name: list(names) for name, names in holding.items()}
         return CompiledModel(core, summary, self.coordinates, self._notes, core.description, self._drawn)
 

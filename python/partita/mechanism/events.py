@@ -16,7 +16,6 @@ from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
 from ..builder.records import Force, Joint
 from ..builder.sensors import Reading, Sensor, known_expression
-from ..errors import ArgumentError
 from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetInput, SetRates, Stop, called, listed
 from ..events import observed as written
 from ..naming import index_of
@@ -90,17 +89,13 @@ def observed(
     locked: Iterable[Any] = (),
     parted: Iterable[Any] = (),
     *,
-    steps: bool = False,
+    inputs: Iterable[str] = (),
 ) -> tuple[Observed | None, CompiledModel]:
     """Events as given by the user, for this model; None where there are none. Also the model with the drives by which
-    they act, and those of the joints that are `locked` at the start. `steps`: for a stepper, which has inputs of its
-    own and parts no joints."""
+    they act, and those of the joints that are `locked` at the start. `inputs`: what a stepper sets at each step."""
     found = listed(events)
     apart = parted_at_start(mechanism, parted)
-    acting = _Actions(mechanism, parting(mechanism, found, locked, parted), not steps)
-    if steps and acting.parting:
-        joint, who = next(iter(acting.parting.items()))
-        raise ArgumentError(f"{who} parts the joint {joint!r}, which only simulate can", argument="events")
+    acting = _Actions(mechanism, parting(mechanism, found, locked, parted), inputs)
     at_start = [name for given in joints_of("locked", locked) for name in acting.locked("locked", lock_of(given))]
     acting.name_locks(found)
     own = list(of_elements(mechanism._description, model, acting.hold, acting.hold_locked))
@@ -128,16 +123,25 @@ def observed(
     return watched, model._with_more_drives(drives, holding) if drives else model
 
 
+def _input_name(action: SetInput) -> str:
+    return action.name.name if isinstance(action.name, Force) else str(action.name)
+
+
+def set_by(events: Iterable[Event]) -> set[str]:
+    """Names of the inputs that these events set."""
+    return {_input_name(action) for event in events for action in event.then if isinstance(action, SetInput)}
+
+
 class _Actions:
     """Drives by which events act: what they hold."""
 
-    def __init__(self, mechanism: Modelled, parting: Mapping[str, str], sets_inputs: bool) -> None:
+    def __init__(self, mechanism: Modelled, parting: Mapping[str, str], taken: Iterable[str]) -> None:
         self._mechanism = mechanism
         self.drives: dict[str, dict[str, Any]] = {}
         self.decisions: list[tuple[str, Decision]] = []
         self.inputs: list[str] = []
         """Names of those that may be set."""
-        self.parting, self._sets_inputs = parting, sets_inputs
+        self.parting, self._taken = parting, set(taken)
         self._measures: dict[str, dict[str, Any]] = {}
         """Measures that are locked, by the names of their drives."""
 
@@ -158,8 +162,9 @@ class _Actions:
                 measured = {"of": "joint", "joint": record.name, "coordinate": i}
                 self.hold_locked("", measured, "velocity", 0.0)
                 self._held_rate(measured)
-        for name in settable(self._mechanism._description) if self._sets_inputs else ():
-            self._settable(name)
+        for name in settable(self._mechanism._description):
+            if name not in self._taken:
+                self._settable(name)
 
         def decided(t: float, q: Array, v: Array) -> str:
             found: list[dict[str, Any]] = []
@@ -182,7 +187,8 @@ class _Actions:
         if isinstance(action, Lock):
             found += [{"lock": name} for name in self.locked(event.name, action)]
         elif isinstance(action, Release):
-            if self._lock_of_measure(event.name, action.joint) is None and latch_of(self._mechanism, action.joint) is None:
+            of_measure = self._lock_of_measure(event.name, action.joint) is not None
+            if not of_measure and latch_of(self._mechanism, action.joint) is None:
                 name = named_joint(self._mechanism, event.name, action.joint).name
                 if name in self.parting:
                     return [{"part": name}]
@@ -260,10 +266,9 @@ class _Actions:
     def _input(self, event: Event, action: SetInput) -> list[Any]:
         """The number of an input and its value."""
         element, known = Element("event", event.name), settable(self._mechanism._description)
-        if not self._sets_inputs:
-            element.fail("it sets an input, but a stepper takes its inputs at each step: give them to sim.step")
-        given = action.name
-        name = list(known)[index_of(given.name if isinstance(given, Force) else str(given), list(known), "input")]
+        name = list(known)[index_of(_input_name(action), list(known), "input")]
+        if name in self._taken:
+            element.fail(f'it sets "{name}", which the stepper takes at each step; give the stepper inputs= without it')
         one = known[name]
         value = number(element, f"the value of {name}", action.value, one.unit, least=one.least)
         return [self._settable(name), value]

@@ -270,7 +270,7 @@ impl RunState {
         request: &Request,
         (q, v): (&[f64], &[f64]),
     ) -> Result<Self, AnalysisError> {
-        let (mut maker, mode) = Maker::new(plan, functions, (request.t0, request.t_end))?;
+        let (mut maker, mode) = Maker::new(plan, functions)?;
         let zero = vec![0; q.len()];
         let mut now = Output { t: request.t0, q: q.to_vec(), v: v.to_vec(), turns: zero, ..Output::default() };
         let (mode, first, work) = maker.change(&mode, &now, &[])?;

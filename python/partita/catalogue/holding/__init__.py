@@ -1,5 +1,5 @@
-"""Mechanisms that hold a joint at times: by latches, freewheels, friction that sticks, rigid contacts, and by events that
-lock, release and part, or set an effort."""
+"""Mechanisms that hold a joint at times: by latches, freewheels, friction that sticks, rigid contacts, and by events
+that lock, release and part, or set an effort."""
 
 from __future__ import annotations
 

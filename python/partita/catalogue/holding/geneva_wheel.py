@@ -89,10 +89,10 @@ def force_error(result: Result) -> float:
     worst = 0.0
     for k in range(SLOTS):
         row = int(np.argmin(np.abs(result.t - (k + 0.0625))))
-        _, gains, reach = law(result.t[[row]])
+        _, gains, lever = law(result.t[[row]])
         pushes = abs(float(result.drive(f"slot {k}").effort[row, 0]))
         held = float(result.drive("lock of table").effort[int(np.argmin(np.abs(result.t - (k + 0.5)))), 0])
-        worst = max(worst, off(pushes, abs(INERTIA * gains[0] - LOAD) / reach[0]), off(held, -LOAD))
+        worst = max(worst, off(pushes, abs(INERTIA * gains[0] - LOAD) / lever[0]), off(held, -LOAD))
     return worst
 
 
@@ -112,7 +112,7 @@ def entry() -> Entry:
             Check("angle of the wheel [rad]", 1e-9, "a hundred times rtol of a turn", angle_error),
             Check("forces on pin and lock, relative", 1e-9, "a hundred times rtol", force_error),
         ),
-        notes="Pin and slot are a lock of the displacement of the pin across the slot, from where it enters to where it "
-        "leaves. It enters along the slot, so nothing is hit; the acceleration of the wheel jumps.",
+        notes="Pin and slot are a lock of the displacement of the pin across the slot, from where it enters to where "
+        "it leaves. It enters along the slot, so nothing is hit; the acceleration of the wheel jumps.",
         samples=401,
     )

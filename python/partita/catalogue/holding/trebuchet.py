@@ -80,6 +80,5 @@ def entry() -> Entry:
             times([("release", "release", RELEASED), ("landing", "crossing", LANDED)]),
             Check("velocity and place of the landing, relative", 1e-9, "a hundred times rtol", throw),
         ),
-        notes="The pouch is a joint that parts: from there on shot and sling move by themselves. In 10 s the shot would be "
-        "under the ground; the landing ends the run.",
+        notes="The pouch is a joint that parts: from there on shot and sling go on by themselves. The landing ends it.",
     )
