@@ -203,7 +203,7 @@ impl Impact {
             least: least.iter().map(|(side, x)| part(side.row, *x)).collect(),
             normals,
         };
-        let x = polyhedron.nearest(from).map_err(|e| {
+        let (x, pushing) = polyhedron.nearest_with_pushing(from).map_err(|e| {
             let names: Vec<&str> = least.iter().map(|x| &*self.names[x.0.row]).collect();
             failed(self.t, format!("the contacts that are closed here cannot all hold ({}): {e}", names.join(", ")))
         })?;
@@ -221,14 +221,7 @@ impl Impact {
             }
         }
         let mut multipliers = vec![0.0; self.lengths.len()];
-        let active: Vec<usize> = (0..least.len())
-            .filter(|&i| {
-                let slack = dense::dot(polyhedron.normals.row(i), &x) - polyhedron.least[i];
-                slack <= tolerance::EQUAL * size
-            })
-            .map(|i| least[i].0.row)
-            .collect();
-        let loaded = self.independent(&[kept, active].concat());
+        let loaded: Vec<usize> = kept.into_iter().chain(pushing.into_iter().map(|i| least[i].0.row)).collect();
         let m = loaded.len();
         let mut gram: Vec<f64> =
             (0..m * m).map(|e| dense::dot(self.rows.row(loaded[e / m]), self.rows.row(loaded[e % m]))).collect();
