@@ -75,9 +75,8 @@ def catalogue_page() -> str:
     anchor = scripts(TOOLS, "website.labels").anchor
     lines += [f"| [{e.name}](#{anchor(e.name)}) | {e.title} |" for e in entries]
     for e in entries:
-        options = "".join(f", {key} {value:g}" for key, value in e.options.items())
         lines += ["", f"## {e.name}", "", f"{capital(e.title)}.", "", f"Source: {e.source}.", ""]
-        lines += [f"Run: {e.duration:g} s{options}.", "", "| check | within | why so much |", "|---|---|---|"]
+        lines += [f"Run: {e.settings}.", "", "| check | within | why so much |", "|---|---|---|"]
         lines += [f"| {check.name} | {check.tolerance:.0e} | {check.reason} |" for check in e.checks]
         if e.notes:
             lines += ["", e.notes]

@@ -28,24 +28,30 @@ DIRECTIONS = (0, 1, -1)
 class Lock:
     """An action of an event: a joint is held from there on, all its coordinates or one; plastic, without rebound.
 
-    What the lock carries is part of the reaction of the joint; the impulse stands in the record of the event.
+    What the lock carries is part of the reaction of the joint; the impulse stands in the record of the event. A measure
+    (`pt.Along`, `pt.Distance`, `pt.Cosine`) is held at the value that it has there: so bodies are joined where they
+    meet, as a pin that enters its slot. What such a lock carries stands under its `name`, which releases it, too.
 
     >>> import partita as pt
     >>> pt.Lock("A")
-    Lock(joint='A', coordinate=None)
+    Lock(joint='A', coordinate=None, name=None)
+    >>> slot = pt.Along("wheel", (0, 0, 0), (0, 1, 0), "crank", (0.1, 0, 0))
+    >>> pt.Lock(slot, name="slot").name
+    'slot'
     """
 
     joint: Any
     coordinate: int | None = None
+    name: str | None = None
 
 
 @dataclass(frozen=True)
 class Release:
     """An action of an event: a joint that is locked is free again, or a joint is parted.
 
-    If anything in the run locks the joint (a `Lock` of any event, or `locked=`), the lock ends. Otherwise the joint
-    itself ends: all of its constraints act no longer, and its bodies go on with their velocities. What is parted stays
-    parted.
+    If anything in the run locks the joint (a `Lock` of any event, or `locked=`), the lock ends; so does that of a
+    measure, given by its name or as the measure. Otherwise the joint itself ends: all of its constraints act no longer,
+    and its bodies go on with their velocities. What is parted stays parted.
 
     >>> import partita as pt
     >>> pt.Release("A")
@@ -155,7 +161,7 @@ class Event:
 
     def __post_init__(self) -> None:
         name = self.name
-        if not isinstance(name, str) or not name.strip() or name != name.strip() or not name.isprintable():
+        if not _is_name(name):
             raise ArgumentError(f"the name of an event is printable text, not {shown(name)}", argument="name")
         number = _number(self.value)
         if number is None:
@@ -203,6 +209,8 @@ class Event:
             number = _number(action.restitution)
             if number is None or not 0.0 <= number <= 1.0:
                 self._refuse("then", f"has a restitution of {shown(action.restitution)}; it lies between 0 and 1")
+        if isinstance(action, Lock) and action.name is not None and not _is_name(action.name):
+            self._refuse("then", f"locks under the name {shown(action.name)}; give printable text")
         if isinstance(action, SetRates):
             if not isinstance(action.rates, Mapping) or not action.rates:
                 self._refuse("then", f"sets the rates {shown(action.rates)}; give a dict of joints and numbers")
@@ -218,6 +226,11 @@ class Event:
     def last(self) -> int | None:
         """Which of its occurrences ends a run, counted from 1."""
         return int(self.terminal) or None
+
+
+def _is_name(name: Any) -> bool:
+    """Whether it is printable text without blanks around it."""
+    return isinstance(name, str) and bool(name.strip()) and name == name.strip() and name.isprintable()
 
 
 def _number(value: Any) -> float | None:

@@ -552,8 +552,6 @@ def test_refused() -> None:
         m.simulate(1.0, parted=["nowhere"])
     with pytest.raises(ArgumentError, match="parted must be a list of joints"):
         m.simulate(1.0, parted=3)  # type: ignore[arg-type]
-    with pytest.raises(ArgumentError, match="which only simulate can"):
-        m.stepper(0.01, events=[at(0.5, "J")])
     pushed = m.add_sensor("pushed", "A", "force")
     with pytest.raises(DescriptionError, match=r'event "hard".*sensor of accelerations or forces'):
         m.simulate(1.0, events=[at(0.5, "J"), pt.Event("hard", pushed[1], value=3.0)])

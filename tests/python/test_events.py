@@ -532,3 +532,17 @@ def test_the_example_meets_its_known_times(tmp_path: Path, capsys: pytest.Captur
     assert 0.8 < len(drawn) / len(shown) < 1.25 and len(shown) < 150_000
     for danger in ("<script", "http://localhost", "foreignObject", "onload"):
         assert danger not in shown
+
+
+def test_an_event_in_the_first_step_is_found_wherever_in_it_it_lies() -> None:
+    """What the search for its zero comes near to is not a start on the value."""
+    m = pt.catalogue.load("punch-press")
+    whole = m.simulate(0.06, initial=m.assemble({"main": 1.5}, {"main": 12.0}), rtol=1e-12, atol=1e-13)
+    for joint in ("main", "guide", "big end"):
+        when = 0.0497
+        event = pt.Event("there", joint, value=float(whole.state(when).position(joint)))
+        for part in (0.02, 0.2, 0.4, 0.6, 0.8, 0.9, 0.98):
+            for step in (4e-4, 2e-3):
+                start = whole.state(when - part * step)
+                run = m.simulate(3.0 * step, initial=start, events=[event], max_step=step, rtol=1e-10, atol=1e-12)
+                assert run.events.t == pytest.approx([when], abs=1e-11), (joint, part, step)

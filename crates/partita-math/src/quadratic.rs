@@ -120,13 +120,22 @@ impl Polyhedron {
     /// # Errors
     /// Where there is none.
     pub fn nearest(&self, x0: &[f64]) -> Result<Vec<f64>, ProgramError> {
+        self.nearest_with_pushing(x0).map(|found| found.0)
+    }
+
+    /// The same, and the inequalities that push there: with the equations they are independent, and no multiple of
+    /// theirs is negative.
+    ///
+    /// # Errors
+    /// As `nearest`.
+    pub fn nearest_with_pushing(&self, x0: &[f64]) -> Result<(Vec<f64>, Vec<usize>), ProgramError> {
         let first = self.equations.rows();
         let mut active = Active::new(self, Vec::new()).ok_or(ProgramError::Dependent)?;
         let (mut x, mut u) = active.nearest(x0);
         let from = dense::dot(x0, x0).sqrt();
         for _ in 0..10 * (self.least.len() + x0.len() + 1) {
             let Some(p) = self.violated(&x, from, &active.rows) else {
-                return Ok(active.nearest(x0).0);
+                return Ok((active.nearest(x0).0, active.rows));
             };
             let (normal, mut own) = (self.normals.row(p), 0.0);
             loop {
@@ -214,7 +223,7 @@ mod tests {
         for (k, n) in [(0, 3), (1, 2), (2, 6), (5, 9), (10, 40)] {
             let p = cube(&mut rng, k, n);
             let x0: Vec<f64> = (0..n).map(|_| 6.0 * rng.f64() - 3.0).collect();
-            let x = p.nearest(&x0).unwrap();
+            let (x, pushing) = p.nearest_with_pushing(&x0).unwrap();
             assert!(p.equations.matvec(&x).iter().zip(&p.values).all(|(x, y)| (x - y).abs() < 1e-12));
             assert!(x.iter().all(|x| x.abs() < 1.0 + 1e-12));
             // x − x_0 = Eᵀ λ + u with u pushing inwards from the faces that it touches
@@ -226,6 +235,20 @@ mod tests {
             u.iter().enumerate().for_each(|(i, u)| dense::axpy(-u, own.row(i), &mut left));
             assert!(left.iter().all(|x| x.abs() < 1e-11), "{left:?}");
             assert!(u[k..].iter().all(|u| *u > -1e-11), "{u:?}");
+            let pushes: Vec<usize> = active.iter().zip(&u[k..]).filter(|x| *x.1 > 1e-9).map(|x| *x.0).collect();
+            assert!(pushes.iter().all(|i| pushing.contains(i)));
+        }
+    }
+
+    /// Of two that oppose each other the one that pushes is named.
+    #[test]
+    fn what_opposes_does_not_push() {
+        for sign in [1.0, -1.0] {
+            let normals = Matrix::from_rows(&[&[1.0, 0.0], &[-1.0, 0.0]]);
+            let (equations, values, least) = (Matrix::new(0, 2), Vec::new(), vec![0.0; 2]);
+            let p = Polyhedron { equations, values, normals, least };
+            let (x, pushing) = p.nearest_with_pushing(&[-sign, 3.0]).unwrap();
+            assert_eq!((x, pushing), (vec![0.0, 3.0], vec![usize::from(sign < 0.0)]));
         }
     }
 

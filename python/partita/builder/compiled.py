@@ -91,8 +91,8 @@ class Equations:
         if found is not None:
             name, what = found
             raise DescriptionError(
-                f'force "{name}" is {what}; what it does at one state is not known, only simulate and steppers '
-                "follow it",
+                f'force "{name}" is {what}; what it does at one state is not known, only simulate, steppers '
+                "and FMUs follow it",
                 element="force",
                 name=name,
             )
@@ -281,6 +281,9 @@ class CompiledModel(Equations):
         core = self.core.with_more_drives(json.dumps(list(drives)))
         with uncollected():
             summary = json.loads(core.summary)
+        # mobility, and which rows are redundant, are those where nothing is held
+        always = ("mobility", "rank", "joint_rows", "joint_rank", "removed", "notes", "geometric_error", "repaired")
+        summary |= {key: self.summary[key] for key in always}
         summary["holding"] = {name: list(names) for name, names in holding.items()}
         return CompiledModel(core, summary, self.coordinates, self._notes, core.description, self._drawn)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import ArgumentError
 from ..mechanism.set_valued import has_set_valued
-from ..numeric import MaybeNone
+from ..numeric import MaybeNone, is_list
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -88,14 +88,14 @@ class Entry:
 
     @property
     def has_events(self) -> bool:
-        """Whether it has elements that hold a joint at times. Then runs have events of their own, and what looks at one
-        state, steps or exports it refuses the mechanism.
+        """Whether it has elements that hold a joint at times, or its run has events that act. Then what looks at one
+        state or exports it refuses the mechanism, or knows nothing of them.
 
         >>> import partita as pt
         >>> pt.catalogue.entry("door-latch").has_events, pt.catalogue.entry("four-bar").has_events
         (True, False)
         """
-        return has_set_valued(self.mechanism())
+        return bool(self.options.get("events")) or has_set_valued(self.mechanism())
 
     def initial(self, mechanism: Mechanism) -> State:
         """The starting state of `mechanism`, which `mechanism()` made: drawn position, published rates."""
@@ -119,11 +119,23 @@ class Entry:
         """Every check of the entry on `result`, in order."""
         return [check.run(result) for check in self.checks]
 
+    @property
+    def settings(self) -> str:
+        """Its run in words: duration, and those options that are numbers.
+
+        >>> import partita as pt
+        >>> pt.catalogue.entry("punch-press").settings
+        '0.2 s, rtol 1e-11, atol 1e-12, events: touches, breaks, bottom'
+        """
+        numbers = {key: value for key, value in self.options.items() if not is_list(value)}
+        found = f"{self.duration:g} s" + "".join(f", {key} {value:g}" for key, value in numbers.items())
+        names = [event.name for event in self.options.get("events", ())]
+        return found + (f", events: {', '.join(names)}" if names else "")
+
     def about(self) -> str:
         """Description of the entry: title, source, run, checks with their tolerances and reasons, notes."""
         checks = [f"  {check.name}: within {check.tolerance:.0e} ({check.reason})" for check in self.checks]
-        run = f"Run: {self.duration:g} s" + "".join(f", {key} {value:g}" for key, value in self.options.items())
-        parts = [f"{self.name}: {self.title}", f"Source: {self.source}", run, "Checks:", *checks]
+        parts = [f"{self.name}: {self.title}", f"Source: {self.source}", f"Run: {self.settings}", "Checks:", *checks]
         known = [str(self.truth)] if self.truth is not None else []
         return "\n".join([*parts, *known, *([self.notes] if self.notes else [])])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,23 @@ from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
 from ..builder.records import Force, Joint
 from ..builder.sensors import Reading, Sensor, known_expression
-from ..errors import ArgumentError
-from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetInput, SetRates, Stop, called, listed
+from ..events import (
+    RATES,
+    Action,
+    Event,
+    Formula,
+    Function,
+    Lock,
+    Observed,
+    Release,
+    SetInput,
+    SetRates,
+    Stop,
+    called,
+    listed,
+)
 from ..events import observed as written
+from ..limits import limit
 from ..naming import index_of
 from ..numeric import real, shown
 from ..results.sensor import LiveSensors
@@ -27,7 +41,7 @@ from ..sensing import Reader, SensorRecord, StateSignals, at_once, plain
 from ..state import Layout, StateView
 from .inputs import drawn_values, settable
 from .models import Modelled
-from .parting import joints_of, named_joint, parted_at_start, parting
+from .parting import is_measure, joints_of, lock_of, named_joint, parted_at_start, parting
 from .set_valued import latch_of, of_elements
 
 Array = NDArray[np.float64]
@@ -90,18 +104,15 @@ def observed(
     locked: Iterable[Any] = (),
     parted: Iterable[Any] = (),
     *,
-    steps: bool = False,
+    inputs: Iterable[str] = (),
 ) -> tuple[Observed | None, CompiledModel]:
     """Events as given by the user, for this model; None where there are none. Also the model with the drives by which
-    they act, and those of the joints that are `locked` at the start. `steps`: for a stepper, which has inputs of its
-    own and parts no joints."""
+    they act, and those of the joints that are `locked` at the start. `inputs`: what a stepper sets at each step."""
     found = listed(events)
     apart = parted_at_start(mechanism, parted)
-    acting = _Actions(mechanism, parting(mechanism, found, locked, parted), not steps)
-    if steps and acting.parting:
-        joint, who = next(iter(acting.parting.items()))
-        raise ArgumentError(f"{who} parts the joint {joint!r}, which only simulate can", argument="events")
-    at_start = [name for joint in joints_of("locked", locked) for name in acting.locked("locked", joint, None)]
+    acting = _Actions(mechanism, parting(mechanism, found, locked, parted), inputs)
+    at_start = [name for given in joints_of("locked", locked) for name in acting.locked("locked", lock_of(given))]
+    acting.name_locks(found)
     own = list(of_elements(mechanism._description, model, acting.hold, acting.hold_locked))
     if not found and not at_start and not apart and not own:
         return None, model
@@ -127,16 +138,100 @@ def observed(
     return watched, model._with_more_drives(drives, holding) if drives else model
 
 
+def _input_name(action: SetInput) -> str:
+    return action.name.name if isinstance(action.name, Force) else str(action.name)
+
+
+def set_by(events: Iterable[Event]) -> set[str]:
+    """Names of the inputs that these events set."""
+    return {_input_name(action) for event in events for action in event.then if isinstance(action, SetInput)}
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Events and elements that hold at times as plain data, for what runs without Python."""
+
+    resource: dict[str, Any]
+    names: dict[str, tuple[list[int], list[str]]]
+    """Numbers of the events of each name, and the drives by which it holds."""
+    fixed: set[str]
+    """Elements whose places are part of the data."""
+
+
+def followed(
+    mechanism: Modelled,
+    model: CompiledModel,
+    layout: Layout,
+    events: Iterable[Any] | None,
+    locked: Iterable[Any],
+    inputs: Iterable[str],
+) -> Followed | None:
+    """Events and what holds at times, without functions of Python; None where there is nothing.
+
+    Raises a `DescriptionError` that names the event that is terminal, calls a function, or parts a joint.
+    """
+    found = listed(events)
+    watched, acting = observed(mechanism, model, layout, found, locked, inputs=inputs)
+    if watched is None:
+        return None
+    for event in found:
+        element = Element("event", event.name)
+        if event.last is not None:
+            element.fail("it is terminal, but the environment of an FMU decides how long it runs")
+        if any(not isinstance(action, Action) for action in event.then):
+            element.fail("a function of Python decides what it does, which an FMU cannot call; give the actions")
+    if watched.functions:
+        called_by = next(event for event in found if _calls(mechanism, model, layout, event))
+        Element("event", called_by.name).fail(
+            "it follows a function of Python, or a sensor of accelerations or forces, which an FMU cannot evaluate; "
+            "follow a measure or a sensor of positions and rates"
+        )
+    acts: dict[str, Any] = {
+        "switched": [],
+        "locked": [],
+        "parted": [],
+        "actions": [[] for _ in watched.names],
+        "inputs": [],
+    }
+    if watched.acts is not None:
+        acts = json.loads(watched.acts)
+    for name, actions in zip(watched.names, acts["actions"], strict=True):
+        if any("part" in action for action in actions):
+            Element("event", name).fail("it parts a joint, which an FMU cannot follow; lock the joint and release it")
+    holding = acting.summary.get("holding", {})
+    names: dict[str, tuple[list[int], list[str]]] = {}
+    for i, name in enumerate(watched.names):
+        names.setdefault(name, ([], list(holding.get(name, ()))))[0].append(i)
+    resource = {
+        "events": json.loads(watched.text),
+        "drives": json.loads(watched.drives),
+        "acts": acts,
+        "most": limit("events"),
+    }
+    forces = mechanism._description.forces
+    fixed = {name for name in holding if getattr(forces.get(name), "kind", None) != "friction"}
+    return Followed(resource, names, fixed)
+
+
+def _calls(mechanism: Modelled, model: CompiledModel, layout: Layout, event: Event) -> bool:
+    """Whether an event is evaluated in Python."""
+    maker = _Maker(mechanism, model, layout, False)
+    maker.formula(event)
+    return bool(maker.functions)
+
+
 class _Actions:
     """Drives by which events act: what they hold."""
 
-    def __init__(self, mechanism: Modelled, parting: Mapping[str, str], sets_inputs: bool) -> None:
+    def __init__(self, mechanism: Modelled, parting: Mapping[str, str], taken: Iterable[str]) -> None:
         self._mechanism = mechanism
         self.drives: dict[str, dict[str, Any]] = {}
         self.decisions: list[tuple[str, Decision]] = []
         self.inputs: list[str] = []
         """Names of those that may be set."""
-        self.parting, self._sets_inputs = parting, sets_inputs
+        self.parting, self._taken = parting, set(taken)
+        self._measures: dict[str, dict[str, Any]] = {}
+        """Measures that are locked, by the names of their drives."""
 
     def actions(self, event: Event, maker: _Maker) -> list[dict[str, Any]]:
         """What an event does, as plain data."""
@@ -155,8 +250,9 @@ class _Actions:
                 measured = {"of": "joint", "joint": record.name, "coordinate": i}
                 self.hold_locked("", measured, "velocity", 0.0)
                 self._held_rate(measured)
-        for name in settable(self._mechanism._description) if self._sets_inputs else ():
-            self._settable(name)
+        for name in settable(self._mechanism._description):
+            if name not in self._taken:
+                self._settable(name)
 
         def decided(t: float, q: Array, v: Array) -> str:
             found: list[dict[str, Any]] = []
@@ -177,9 +273,10 @@ class _Actions:
         """One action, as plain data."""
         found: list[dict[str, Any]] = []
         if isinstance(action, Lock):
-            found += [{"lock": name} for name in self.locked(event.name, action.joint, action.coordinate)]
+            found += [{"lock": name} for name in self.locked(event.name, action)]
         elif isinstance(action, Release):
-            if latch_of(self._mechanism, action.joint) is None:
+            of_measure = self._lock_of_measure(event.name, action.joint) is not None
+            if not of_measure and latch_of(self._mechanism, action.joint) is None:
                 name = named_joint(self._mechanism, event.name, action.joint).name
                 if name in self.parting:
                     return [{"part": name}]
@@ -192,34 +289,74 @@ class _Actions:
             found.append({"stop": self._stop(event, action, maker)})
         return found
 
-    def locked(self, asker: str, joint: Any, coordinate: int | None) -> list[str]:
-        """The names of the drives that hold a joint, or one of its coordinates."""
-        element = Element("event", asker)
-        record = joint_record(self._mechanism, element, joint)
-        moving = motions(record)
+    def name_locks(self, found: Iterable[Event]) -> None:
+        """Add the drives by which events lock measures, so that others can release them by name."""
+        for event in found:
+            for action in event.then:
+                if isinstance(action, Lock) and is_measure(action.joint):
+                    self.locked(event.name, action)
+
+    def locked(self, asker: str, lock: Lock) -> list[str]:
+        """The names of the drives that hold a joint, one of its coordinates, or a measure."""
+        element, lock = Element("event", asker), lock_of(lock)
+        if is_measure(lock.joint):
+            return [self._locked_measure(element, lock)]
+        record = joint_record(self._mechanism, element, lock.joint)
+        moving, coordinate = motions(record), lock.coordinate
         chosen = range(len(moving)) if coordinate is None else [coordinate_of(element, record, coordinate, len(moving))]
         if not moving:
             element.fail(f'the joint "{record.name}" has no motion that could be held')
+        if lock.name is not None:
+            element.fail(f'it locks the joint "{record.name}" under a name of its own; only a measure has one')
         names = []
         for i in chosen:
             measured = {"of": "joint", "joint": record.name, "coordinate": i}
             names.append(self.hold_locked("", measured, "velocity", 0.0))
         return names
 
+    def _locked_measure(self, element: Element, lock: Lock) -> str:
+        """The name of the drive that holds a measure."""
+        if lock.coordinate is not None:
+            element.fail(f"it locks coordinate {lock.coordinate} of a measure, which has none; leave it out")
+        measured = measure(self._mechanism, element, lock.joint)
+        known = next((name for name, x in self._measures.items() if x == measured), None)
+        if known is not None and lock.name in (None, known):
+            return known
+        if known is not None:
+            element.fail(f'it locks as "{lock.name}" what is locked as "{known}"; give one name')
+        name = lock.name or f"lock of {measured['of']}"
+        taken = [*self._mechanism._description.drives, *self._mechanism._description.forces, *self.drives]
+        if lock.name is not None and name in taken:
+            element.fail(f'it locks under the name "{name}", which something else has; give another one')
+        while name in taken:
+            name += "'"
+        self._measures[name] = measured
+        return self.hold(name, measured, "velocity", 0.0)
+
+    def _lock_of_measure(self, asker: str, given: Any) -> str | None:
+        """The drive that locks a measure, given by its name or as the measure; None for anything else."""
+        if not is_measure(given):
+            return given if isinstance(given, str) and given in self._measures else None
+        element = Element("event", asker)
+        measured = measure(self._mechanism, element, given)
+        known = next((name for name, x in self._measures.items() if x == measured), None)
+        return known or element.fail("it releases a measure that nothing locks; give the one of a pt.Lock")
+
     def _released(self, event: Event, action: Release) -> list[str]:
-        """The drives that a release lets go: those of a joint, or the one of a latch."""
+        """The drives that a release lets go: those of a joint, or the one of a measure or a latch."""
+        if (name := self._lock_of_measure(event.name, action.joint)) is not None:
+            return [name]
         latch = latch_of(self._mechanism, action.joint)
         if latch is not None:
-            return self.locked(event.name, latch["joint"], latch["coordinate"])
-        return self.locked(event.name, action.joint, None)
+            return self.locked(event.name, Lock(latch["joint"], latch["coordinate"]))
+        return self.locked(event.name, Lock(action.joint))
 
     def _input(self, event: Event, action: SetInput) -> list[Any]:
         """The number of an input and its value."""
         element, known = Element("event", event.name), settable(self._mechanism._description)
-        if not self._sets_inputs:
-            element.fail("it sets an input, but a stepper takes its inputs at each step: give them to sim.step")
-        given = action.name
-        name = list(known)[index_of(given.name if isinstance(given, Force) else str(given), list(known), "input")]
+        name = list(known)[index_of(_input_name(action), list(known), "input")]
+        if name in self._taken:
+            element.fail(f'it sets "{name}", an input that is given at each step; leave it out of inputs=')
         one = known[name]
         value = number(element, f"the value of {name}", action.value, one.unit, least=one.least)
         return [self._settable(name), value]

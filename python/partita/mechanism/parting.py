@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..builder.checks import Element
 from ..builder.compiled import CompiledModel, compile_description
 from ..builder.joints import joint_record, motions
+from ..builder.measures import Along, Coordinate, Cosine, Distance
 from ..builder.records import Joint, JointRecord
 from ..errors import ArgumentError
 from ..events import Action, Lock, Release, listed
@@ -37,19 +38,24 @@ def parting(
     Raises a `DescriptionError` where something acts along a coordinate of one of them.
     """
     found = listed(events)
-    locks = {named_joint(mechanism, "locked", joint).name for joint in joints_of("locked", locked)}
+    at_start = [lock_of(given) for given in joints_of("locked", locked)]
+    locks = {named_joint(mechanism, "locked", x.joint).name for x in at_start if not is_measure(x.joint)}
     asked: dict[str, Element] = {}
     for name in parted_at_start(mechanism, parted):
         if name in locks:
             raise ArgumentError(f"the joint {name!r} is both locked and parted; give one", argument="parted")
         asked[name] = Element("argument", "parted")
     done = [(event, action) for event in found for action in event.then]
-    locks |= {named_joint(mechanism, event.name, x.joint).name for event, x in done if isinstance(x, Lock)}
+    own = [(event, x) for event, x in done if isinstance(x, Lock)]
+    locks |= {named_joint(mechanism, event.name, x.joint).name for event, x in own if not is_measure(x.joint)}
+    named = {x.name for x in [*at_start, *(x for _, x in own)]} - {None}
     locks |= {x["joint"] for x in mechanism._description.forces.values() if is_latch(x)}
     if any(not isinstance(action, Action) for _, action in done):
         locks |= set(mechanism._description.joints)  # a function may lock any of them
     for event, action in done:
         if not isinstance(action, Release) or latch_of(mechanism, action.joint) is not None:
+            continue
+        if is_measure(action.joint) or (isinstance(action.joint, str) and action.joint in named):
             continue
         if (name := named_joint(mechanism, event.name, action.joint).name) not in locks:
             asked.setdefault(name, Element("event", event.name))
@@ -91,8 +97,21 @@ def named_joint(mechanism: Modelled, asker: str, joint: Any) -> JointRecord:
     return joint_record(mechanism, Element("event", asker), joint)
 
 
+def is_measure(given: Any) -> TypeGuard[Distance | Along | Cosine]:
+    """Whether it is measured between bodies."""
+    return isinstance(given, Distance | Along | Cosine)
+
+
+def lock_of(given: Any) -> Lock:
+    """What is locked at the start: a joint, a coordinate, a measure, or a lock."""
+    lock = given if isinstance(given, Lock) else Lock(given)
+    if isinstance(lock.joint, Coordinate) and lock.coordinate is None:
+        return Lock(lock.joint.joint, lock.joint.coordinate, lock.name)
+    return lock
+
+
 def joints_of(argument: str, given: Any) -> list[Any]:
-    if isinstance(given, str | Joint):
+    if isinstance(given, str | Joint | Lock | Coordinate | Distance | Along | Cosine):
         return [given]
     if not is_list(given):
         raise ArgumentError(f"{argument} must be a list of joints, not {shown(given)}", argument=argument)

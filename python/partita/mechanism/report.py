@@ -286,7 +286,7 @@ def _open_frictions(
     given._description = m._description.copy()
     for _ in follow:
         try:
-            model.forces(where.q, where.v, t=where.t)
+            model.core.forces(where.t, where.q, where.v)
         except OpenReactionError as error:
             name = error.where
             found.append({"friction": name, "joint": error.joint})

@@ -356,6 +356,32 @@ def start_of(
     return start
 
 
+def begun(
+    self: Modelled,
+    coordinates: str,
+    parameters: Mapping[str, ArrayLike] | None,
+    initial: Any,
+    events: Iterable[Any] | None,
+    locked: Iterable[Any] = (),
+    parted: Iterable[Any] = (),
+) -> tuple[CompiledModel, Layout, State, list[str]]:
+    """The model of a motion with these events, its layout, its start, and remarks on its coordinates: where events part
+    joints they do without these."""
+    model, layout = layout_of(self, coordinates, parameters)
+    apart = parting(self, events, locked, parted)
+    if not apart:
+        return model, layout, start_of(self, initial, model, coordinates, parameters), []
+    usual, (model, layout) = model, layout_that_parts(self, coordinates, parameters, list(apart))
+    found = of_parting_run(self, initial, model, parameters, parted_at_start(self, parted))
+    start = found or moved(start_of(self, initial, usual, coordinates, parameters), usual, model)
+    if model.names == usual.names:
+        return model, layout, start, []
+    who = ", ".join(f'"{name}" ({who})' for name, who in apart.items())
+    space = ", in space" if usual.summary["planar"] and not model.summary["planar"] else ""
+    remark = f"computed in coordinates{space} that do without the joints that may be parted: {who}"
+    return model, layout, start, [remark]
+
+
 def simulate(
     self: Modelled,
     duration: Quantity,
@@ -423,7 +449,7 @@ def simulate(
             `terminal`; `run.events` has what happened. At most a limit, "events" in `pt.limits`, may happen. What they
             do (`then=`) divides the run into segments.
         locked: joints that are held from the start on, until an event releases them; their rates at the start are
-            lost in an impulse.
+            lost in an impulse. Measures, and `pt.Lock` of these, too.
         parted: joints that are apart from the start on, as after a `pt.Release` of a run whose state is `initial`.
 
     Returns:
@@ -446,19 +472,7 @@ def simulate(
     True
     """
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
-    model, layout = layout_of(self, wanted, parameters)
-    remarks: list[str] = []
-    apart = parting(self, events, locked, parted)
-    if apart:
-        usual, (model, layout) = model, layout_that_parts(self, wanted, parameters, list(apart))
-        found = of_parting_run(self, initial, model, parameters, parted_at_start(self, parted))
-        start = found or moved(start_of(self, initial, usual, wanted, parameters), usual, model)
-        if model.names != usual.names:
-            who = ", ".join(f'"{name}" ({who})' for name, who in apart.items())
-            space = ", in space" if usual.summary["planar"] and not model.summary["planar"] else ""
-            remarks = [f"computed in coordinates{space} that do without the joints that may be parted: {who}"]
-    else:
-        start = start_of(self, initial, model, wanted, parameters)
+    model, layout, start, remarks = begun(self, wanted, parameters, initial, events, locked, parted)
     chosen = run_options.options(
         start.t,
         duration,

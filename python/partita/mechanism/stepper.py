@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import options as run_options
 from ..builder.compiled import CompiledModel
 from ..errors import ArgumentError
-from ..events import Observed
+from ..events import Observed, listed
 from ..naming import index_of
 from ..numeric import floats, real, shown
 from ..results import Result
@@ -23,10 +23,10 @@ from ..tolerance import ATOL, RTOL
 from ..units import Quantity
 from ..viewer.hints import looking
 from ..viewer.live import LiveView, Poses
-from .events import observed
+from .events import observed, set_by
 from .inputs import Courses, Input, chosen, inputs_of
-from .models import Modelled, layout_of
-from .solve import start_of
+from .models import Modelled
+from .solve import begun
 
 Array = NDArray[np.float64]
 
@@ -68,11 +68,12 @@ class Stepper:
         substeps: int,
         record: bool,
         events: Observed | None,
+        remarks: Sequence[str],
     ) -> None:
         # the second one has the drives by which events act
         model, self._model = models
         self._layout, self._options = layout, options
-        self._watched = events
+        self._watched, self._remarks = events, list(remarks)
         self._dt, self._record = dt, record
         self._inputs, self._courses = tuple(inputs), Courses(inputs, model)
         self._numbers, self._held = self._courses.first(self._signals(start))
@@ -268,7 +269,8 @@ class Stepper:
 
     def _reported(self, raw: dict[str, Any], core: Any, t0: float) -> Result:
         model = self._model
-        raw["notes"] = [*(note for note in model.notes if note not in raw["notes"]), *raw["notes"]]
+        own = (*model.notes, *self._remarks)
+        raw["notes"] = [*(note for note in own if note not in raw["notes"]), *raw["notes"]]
         options = {**self._options, "t0": t0, "t_end": self.time, "coordinates": model.coordinates}
         return Result.from_run(
             raw,
@@ -338,6 +340,8 @@ def stepper(
     record: bool = True,
     compiled: bool | str = "auto",
     events: Iterable[Any] | None = None,
+    locked: Iterable[Any] = (),
+    parted: Iterable[Any] = (),
 ) -> Stepper:
     """Advance a motion step by step, for control loops: `sim.step(u)`.
 
@@ -348,8 +352,8 @@ def stepper(
 
     Args:
         dt: length of a step [s].
-        inputs: those of `Mechanism.inputs` that `step` sets; None: all but the drives. Other drives keep their own
-            function of time; for a drive that is an input see `Stepper.step`.
+        inputs: those of `Mechanism.inputs` that `step` sets; None: all but the drives, and but what events set. Other
+            drives keep their own function of time; for a drive that is an input see `Stepper.step`.
         initial: state to start from; None: the drawing, assembled, at rest.
         method: "rk4" (order 4, the default), or another one of `simulate`.
         substeps: number of steps of the method in each dt, 1 to 1000.
@@ -360,6 +364,7 @@ def stepper(
             True: before the first one, in the step that needs it; False: never.
         events: as in `simulate`, none of them terminal, since a step ends at its own time; `sim.events` are those of
             the last step.
+        locked, parted: joints that are held, or apart, from the start on, as in `simulate`.
 
     Raises:
         ArgumentError: a number is out of range, the state belongs to another model, or the mechanism is a structure.
@@ -383,8 +388,8 @@ def stepper(
     if not isinstance(record, bool | np.bool_):
         raise ArgumentError(f"record is {shown(record)}; it must be True or False", argument="record")
     wanted = run_options.one_of("coordinates", coordinates, run_options.COORDINATES)
-    model, layout = layout_of(self, wanted, parameters)
-    start = start_of(self, initial, model, wanted, parameters)
+    events = listed(events)
+    model, layout, start, remarks = begun(self, wanted, parameters, initial, events, locked, parted)
     step = length / int(substeps)
     options = run_options.options(
         start.t,
@@ -398,13 +403,16 @@ def stepper(
         compiled=compiled,
     )
     given = chosen(inputs_of(self._description), inputs)
-    watched, acting = observed(self, model, layout, events, steps=True)
+    if inputs is None:
+        given = {name: one for name, one in given.items() if name not in set_by(events)}
+    watched, acting = observed(self, model, layout, events, locked, parted, inputs=given)
     if watched is not None and watched.ends is not None:
         raise ArgumentError(
             f'event "{watched.ends}" is terminal, but a stepper goes on for as long as it is stepped; look at '
             "sim.events after each step",
             argument="events",
         )
-    made = Stepper((model, acting), layout, start, given, options, length, int(substeps), bool(record), watched)
+    models = (model, acting)
+    made = Stepper(models, layout, start, given, options, length, int(substeps), bool(record), watched, remarks)
     made._looks = self._looks()
     return made

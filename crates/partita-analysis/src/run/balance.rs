@@ -9,7 +9,7 @@ use crate::outputs::{self, States};
 use crate::{plausibility, poses};
 use partita_integrate::simulate::Observe;
 use partita_math::tolerance;
-use partita_model::spec::Spec;
+use partita_model::spec::{Body, Spec};
 use partita_model::Model;
 use partita_system::equations::{derivatives, Equations, UserSystem};
 use partita_system::error::six_digits;
@@ -222,7 +222,9 @@ pub fn energy_floor(spec: &Spec, atol: f64) -> f64 {
         let of = || points().map(|p| p[i]);
         of().fold(f64::NEG_INFINITY, f64::max) - of().fold(f64::INFINITY, f64::min)
     };
+    let arm = |b: &Body| b.com.iter().map(|x| x * x).sum::<f64>().sqrt();
     let extent = if points().next().is_some() { (0..3).map(|i| spread(i).powi(2)).sum::<f64>().sqrt() } else { 0.0 };
+    let extent = extent + spec.bodies.iter().map(arm).fold(0.0, f64::max);
     let pull = spec.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     (0.5 * (mass + turning) * atol * atol + tolerance::LONG_ROUNDING * pull * extent * mass) / ENERGY_FLOOR
 }

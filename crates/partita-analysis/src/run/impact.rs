@@ -203,7 +203,7 @@ impl Impact {
             least: least.iter().map(|(side, x)| part(side.row, *x)).collect(),
             normals,
         };
-        let x = polyhedron.nearest(from).map_err(|e| {
+        let (x, pushing) = polyhedron.nearest_with_pushing(from).map_err(|e| {
             let names: Vec<&str> = least.iter().map(|x| &*self.names[x.0.row]).collect();
             failed(self.t, format!("the contacts that are closed here cannot all hold ({}): {e}", names.join(", ")))
         })?;
@@ -221,14 +221,7 @@ impl Impact {
             }
         }
         let mut multipliers = vec![0.0; self.lengths.len()];
-        let active: Vec<usize> = (0..least.len())
-            .filter(|&i| {
-                let slack = dense::dot(polyhedron.normals.row(i), &x) - polyhedron.least[i];
-                slack <= tolerance::EQUAL * size
-            })
-            .map(|i| least[i].0.row)
-            .collect();
-        let loaded = self.independent(&[kept, active].concat());
+        let loaded: Vec<usize> = kept.into_iter().chain(pushing.into_iter().map(|i| least[i].0.row)).collect();
         let m = loaded.len();
         let mut gram: Vec<f64> =
             (0..m * m).map(|e| dense::dot(self.rows.row(loaded[e / m]), self.rows.row(loaded[e % m]))).collect();
@@ -254,12 +247,17 @@ impl Impact {
         let relative =
             |held: &Rates| -> Vec<(usize, f64)> { held.iter().map(|&(row, rate)| (row, rate - self.a[row])).collect() };
         let (lasting, all) = (relative(lasting), relative(&[lasting, set].concat()));
-        let (mut x, mut multipliers) = self.bounced(&self.x, &all, sides)?;
-        if !set.is_empty() && self.blocked(&all, sides, &x).is_some() {
-            let (met, first) = self.nearest(&self.x, &all, &[])?;
-            (x, multipliers) = self.bounced(&met, &lasting, sides)?;
-            multipliers.iter_mut().zip(&first).for_each(|(sum, first)| *sum += first);
-        }
+        let at_once = self.bounced(&self.x, &all, sides);
+        let met = at_once.as_ref().is_ok_and(|(x, _)| self.blocked(&all, sides, x).is_none());
+        let (x, multipliers) = match set.is_empty() || met {
+            true => at_once?,
+            false => {
+                let (met, first) = self.nearest(&self.x, &all, &[])?;
+                let (x, mut multipliers) = self.bounced(&met, &lasting, sides)?;
+                multipliers.iter_mut().zip(&first).for_each(|(sum, first)| *sum += first);
+                (x, multipliers)
+            }
+        };
         if let Some(side) = self.blocked(&lasting, sides, &x) {
             let message = format!(
                 "\"{}\" is in the way of the drives, which move what it stops at a rate of {:.4} into it; move the stop, or \

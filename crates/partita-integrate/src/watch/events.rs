@@ -46,6 +46,8 @@ pub(crate) struct EventWatch {
     /// When the integration began, and whether each has left zero since.
     begins: Option<f64>,
     left: Vec<bool>,
+    /// Whether each has left it by the instant of the step that is looked at.
+    gone: Vec<bool>,
     /// The zeros of the concluded step that count, in the order of time.
     zeros: Vec<Zero>,
     /// In how many steps the readings did not decide about each, and in the concluded one.
@@ -64,8 +66,8 @@ impl EventWatch {
     pub(crate) fn new(events: Vec<Event>, most: usize) -> Self {
         let n = events.len();
         let (count, size, undecided) = (vec![0; n], vec![0.0; n], vec![0; n]);
-        let (unclear, left) = (vec![false; n], vec![false; n]);
-        Self { count, size, undecided, unclear, left, most, events, ..Self::default() }
+        let [unclear, left, gone] = [(); 3].map(|()| vec![false; n]);
+        Self { count, size, undecided, unclear, left, gone, most, events, ..Self::default() }
     }
 
     /// What has happened.
@@ -145,7 +147,7 @@ impl EventWatch {
 
     /// The side to which a function goes that has not yet left the zero at which the integration began.
     fn rests(&self, e: usize, track: &Track, ends: &[Sample]) -> Option<bool> {
-        if self.left[e] || self.events[e].side.is_some() || !self.is_within(e, track, &ends[0]) {
+        if self.gone[e] || self.events[e].side.is_some() || !self.is_within(e, track, &ends[0]) {
             return None;
         }
         let moved = (ends[1].t - ends[0].t) * ends[0].readings[track.count() + e].rate;
@@ -180,9 +182,12 @@ impl EventWatch {
     fn search(&mut self, track: &Track) -> Search {
         self.zeros.clear();
         self.unclear.fill(false);
+        self.gone.copy_from_slice(&self.left);
         let samples = track.samples();
         for (i, ends) in samples.windows(2).enumerate() {
             for e in (0..self.events.len()).filter(|&e| self.count[e] < self.events[e].most) {
+                // an instant that the search for a zero has come near to is not where the integration began
+                self.gone[e] = self.gone[e] || !self.is_within(e, track, &ends[0]);
                 let resting = self.rests(e, track, ends);
                 let given = resting.or(self.events[e].side.filter(|_| i == 0));
                 let after = given.unwrap_or(self.sides(e, track, &ends[0]).1);

@@ -21,6 +21,9 @@ use std::sync::{Arc, Mutex};
 /// there are events.
 const MOST_KEPT: usize = 64;
 
+/// When an effort that events set acts. Unit: seconds. Reason: no motion lasts so long, and its cube is a number.
+const ALL_TIMES: [f64; 2] = [-1e15, 1e15];
+
 /// The whole of a run while it is made.
 pub(super) struct Maker {
     pub(super) plan: Arc<Plan>,
@@ -35,8 +38,6 @@ pub(super) struct Maker {
     pub(super) models: BTreeMap<Mode, (Arc<Model>, Vec<usize>)>,
     /// With all drives.
     pub(super) wholes: BTreeMap<Whole, Arc<Model>>,
-    /// The times in which it moves, with room at both ends.
-    pub(super) span: [f64; 2],
     /// How often each event has occurred.
     pub(super) count: Vec<u64>,
     pub(super) happenings: Vec<Happening>,
@@ -47,13 +48,7 @@ pub(super) fn refuse(message: String) -> AnalysisError {
 }
 
 impl Maker {
-    pub(super) fn new(
-        plan: Arc<Plan>,
-        functions: Box<dyn EventFunctions>,
-        (t0, t_end): (f64, f64),
-    ) -> Result<(Self, Mode), AnalysisError> {
-        let room = 1.0 + (t_end - t0);
-        let span = [t0 - room, t_end + room];
+    pub(super) fn new(plan: Arc<Plan>, functions: Box<dyn EventFunctions>) -> Result<(Self, Mode), AnalysisError> {
         let functions = Shared(Arc::new(Mutex::new(functions)));
         let rows: BTreeMap<String, usize> =
             plan.model.drives().iter().map(|drive| (drive.name.clone(), drive.row)).collect();
@@ -96,7 +91,7 @@ impl Maker {
         let mode = Mode { locked, frictions: resting, whole, ..Mode::default() };
         let (models, wholes) = (BTreeMap::new(), BTreeMap::new());
         let (happenings, count) = (Vec::new(), vec![0; plan.events.len()]);
-        Ok((Self { plan, functions, stops, frictions, rows, always, models, wholes, span, count, happenings }, mode))
+        Ok((Self { plan, functions, stops, frictions, rows, always, models, wholes, count, happenings }, mode))
     }
 
     /// The mechanism with all drives, without the joints that are apart, and with its inputs. Made once.
@@ -111,7 +106,7 @@ impl Maker {
         if !self.plan.inputs.is_empty() {
             let given = self.plan.inputs.iter().enumerate();
             let efforts = given.map(|(i, x)| (x.0, what.inputs.get(&i).map_or(x.1, |bits| f64::from_bits(*bits))));
-            made = Arc::new(made.with_efforts(&efforts.collect::<Vec<_>>(), self.span)?);
+            made = Arc::new(made.with_efforts(&efforts.collect::<Vec<_>>(), ALL_TIMES)?);
         }
         if self.wholes.len() >= MOST_KEPT {
             self.wholes.clear();

@@ -259,7 +259,7 @@ impl Ticks {
             None => self.plan.clone(),
             Some(model) => Arc::new(self.plan.of(model)),
         };
-        let (mut maker, _) = Maker::new(plan, (self.functions)()?, (self.request.t0, self.request.t_end))?;
+        let (mut maker, _) = Maker::new(plan, (self.functions)()?)?;
         let now = Stint { mode: self.state.mode.clone(), run: worked(self.stepping.reported(here), self.state.work) };
         let before: &[Stint] = if here { &[] } else { &self.stints };
         let mut all = Vec::with_capacity(before.len() + 1);

@@ -57,7 +57,8 @@ impl Checks {
         let (speed, strongest) = (length(s, |i| r.at.v[i]), r.strongest(vdot).max(r.fastest().powi(2)));
         self.trial_sizes = (self.sizes.0.max(speed), self.sizes.1.max(strongest));
         let (violation, row) = r.acceleration_gap(vdot);
-        self.trial.acceleration = Gap { part: in_parts(violation, self.trial_sizes.1), t, row };
+        self.trial.acceleration =
+            Gap { part: in_parts(violation, self.trial_sizes.1.max(tolerance::STANDING)), t, row };
         self.trial.jump = self.jump(t, r);
         let part = drift.map_or(0.0, |(violation, distance)| in_parts(violation, distance * distance));
         self.trial.branch = Gap { part, t, row: 0 };
@@ -69,7 +70,7 @@ impl Checks {
         let s = r.scales();
         let part = match self.integrated.len() == r.at.v.len() {
             true => {
-                let speed = self.trial_sizes.0.max(length(s, |i| r.at.v[i]));
+                let speed = self.trial_sizes.0.max(length(s, |i| r.at.v[i])).max(tolerance::STANDING);
                 in_parts(length(s, |i| r.at.v[i] - self.integrated[i]), speed)
             }
             false => 0.0,
