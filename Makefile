@@ -95,7 +95,7 @@ test: test-rust test-python
 test-rust: $(TOOLS)
 	cargo test --release --workspace --locked
 
-test-python: $(BUILT) $(FMU) $(WEB)
+test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
 ## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; as many everyday drawings, and what must not matter to them; RUNS=2000 keep their branch; verdicts; kinks; runs of segments by brute force; contacts; chains; platforms; misdrawn loops beside couplings; the zoo and its linearised equations; in full what `make test` looks at in part
