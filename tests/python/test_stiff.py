@@ -216,3 +216,26 @@ def test_members_of_ensembles_with_stiff_forces_run_one_by_one() -> None:
     assert any("stiff forces" in note for note in found.notes)
     run = m.simulate(0.004, t_eval=times, parameters={"upright.mass": 40.0}, method="radau", rtol=1e-10, atol=1e-12)
     assert found.q[-1] == pytest.approx(run.q, abs=1e-8)
+
+
+def test_a_damped_governor_finds_its_height() -> None:
+    # a ball of a governor at constant speed, its sleeve in a stiff dashpot: h = g (m + 2 M) / (m w^2)
+    ball, weight, length, speed = 2.0, 5.0, 0.3, 20.0
+    m = pt.Mechanism("governor", gravity=(0, 0, -9.81))
+    spindle = m.add_body("spindle", mass=1.0, inertia=(0.1, 0.1, 0.1))
+    m.add_revolute("R", m.ground, spindle, point=(0, 0, 0), axis=(0, 0, 1))
+    tip, low = (length * np.sin(0.9), 0, -length * np.cos(0.9)), (0, 0, -2 * length * np.cos(0.9))
+    arm = m.add_body("arm", mass=ball, inertia=(0, 0, 0), position=tip)
+    link = m.add_body("link", mass=0.0, inertia=(0, 0, 0), position=tip)
+    sleeve = m.add_body("sleeve", mass=weight, inertia=(0.01, 0.01, 0.01), position=low)
+    m.add_revolute("A", spindle, arm, point=(0, 0, 0), axis=(0, 1, 0))
+    m.add_revolute("B", arm, link, point=tip, axis=(0, 1, 0))
+    m.add_revolute("C", link, sleeve, point=low, axis=(0, 1, 0))
+    m.add_prismatic("S", spindle, sleeve, point=low, axis=(0, 0, 1))
+    m.add_spring("dashpot", spindle, (0, 0, 0), sleeve, (0, 0, 0), stiffness=0.0, damping=1e3, length=1.0)
+    m.add_drive("R", velocity=speed)
+    run = m.simulate(60.0, method="radau", t_eval=[0.0, 60.0], rtol=1e-7, atol=1e-9)
+    assert run.success, run.message
+    height = 9.81 * (ball + 2 * weight) / (ball * speed**2)
+    assert run.body("sleeve").position[-1, 2] == pytest.approx(-2 * height, abs=2e-6)
+    assert run.counters["steps"] < 3000
