@@ -14,9 +14,9 @@ import partita as pt
 METHODS = ("radau", "auto")
 
 
-def work(run: pt.Result, freedoms: int) -> int:
+def work(run: pt.Result, dof: int) -> int:
     """Evaluations, a matrix of Newton's method counted as one for each degree of freedom."""
-    return run.counters["evaluations"] + freedoms * run.counters["jacobians"]
+    return run.counters["evaluations"] + dof * run.counters["jacobians"]
 
 
 def off(run: pt.Result) -> float:

@@ -29,17 +29,17 @@ use partita_math::tolerance;
 use partita_system::system::Derivatives;
 use std::fmt::Display;
 
-/// Largest lengthening of a step. Unit: ratio of steps. Reason: Hairer and Wanner's; a transient that has died out leaves
+/// Largest lengthening of an implicit step. Unit: ratio of steps. Reason: Hairer and Wanner's; a transient that has died out leaves
 /// steps that may be longer by orders.
-const LARGEST_FACTOR: f64 = 8.0;
+const LARGEST_IMPLICIT: f64 = 8.0;
 /// A step is not lengthened by less than this. Unit: ratio of steps. Reason: Hairer and Wanner's; the matrices keep their
 /// factors.
 const KEPT_FACTOR: f64 = 1.2;
-/// A matrix is made anew after a step whose last iteration gained less. Unit: ratio of changes. Reason: another iteration
+/// A matrix is made anew after a step whose last iteration gained less. Scale: ratio of changes. Reason: another iteration
 /// costs three evaluations, about as much as a matrix of few freedoms.
 const RENEWED: f64 = 0.02;
 /// Where the matrix of a step is made. Unit: part of the step. Reason: in the middle of the stages.
-const AHEAD: f64 = 0.6;
+const MATRIX_AT: f64 = 0.6;
 /// Third over second difference of the slopes, for the estimate as a multiple of the third. Unit: factor. Reason: the estimate
 /// is a tenth of that difference.
 const THIRD_OF_ESTIMATE: f64 = 10.0;
@@ -63,7 +63,7 @@ enum Phase {
 
 /// What an attempted step was found to be.
 #[derive(Debug, Clone, Copy, Default)]
-struct Found {
+struct Judged {
     /// Its error in units of the tolerance.
     error: f64,
     /// The power of the length with which that falls.
@@ -91,20 +91,20 @@ struct Predictive {
 
 impl Predictive {
     /// The factor by the error alone.
-    fn by_error(found: Found) -> f64 {
+    fn by_error(found: Judged) -> f64 {
         let most = (2 * MOST + 1) as f64;
         SAFETY * most / (most + found.iterations as f64 - 1.0)
             * found.error.max(f64::MIN_POSITIVE).powf(-1.0 / found.power)
     }
 
-    fn accepted(&mut self, h: f64, found: Found) -> f64 {
+    fn accepted(&mut self, h: f64, found: Judged) -> f64 {
         let mut factor = Self::by_error(found);
         if let Some((length, error)) = self.before {
             let trend = h / length * (error / found.error.max(f64::MIN_POSITIVE)).powf(1.0 / found.power);
             factor = factor.min(factor * trend);
         }
         self.before = Some((h, found.error.max(LEAST_REMEMBERED)));
-        let largest = if std::mem::take(&mut self.held) { 1.0 } else { LARGEST_FACTOR };
+        let largest = if std::mem::take(&mut self.held) { 1.0 } else { LARGEST_IMPLICIT };
         let largest = found.rate.map_or(largest, |rate| largest.min(by_rate(rate).max(1.0)));
         let factor = factor.clamp(SMALLEST_FACTOR, largest);
         // the factors of the matrices are kept
@@ -115,7 +115,7 @@ impl Predictive {
         }
     }
 
-    fn rejected(&mut self, found: Found) -> f64 {
+    fn rejected(&mut self, found: Judged) -> f64 {
         self.held = true;
         Self::by_error(found).clamp(SMALLEST_FACTOR, 1.0)
     }
@@ -148,7 +148,7 @@ pub struct Radau {
     behind: Option<f64>,
     /// Whether an attempt from here was rejected for its error.
     repeated: bool,
-    found: Found,
+    found: Judged,
     norm: ErrorNorm,
     sizes: Vec<f64>,
     tolerances: Vec<f64>,
@@ -187,7 +187,7 @@ impl Radau {
             before: vec![0.0; S * dim],
             behind: None,
             repeated: false,
-            found: Found::default(),
+            found: Judged::default(),
             norm: ErrorNorm::new(&options, None, dim, dim),
             sizes: vec![1.0; dim],
             tolerances: vector(),
@@ -295,8 +295,8 @@ impl Radau {
     /// directions turn with the motion.
     fn linearise_ahead<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>, h: f64) {
         let Some(behind) = self.behind else { return };
-        let (at_end, ahead) = (NODES.weights(1.0), NODES.weights(1.0 + AHEAD * h / behind));
-        let (n, t) = (self.y_old.len(), self.at.t_old + AHEAD * h);
+        let (at_end, ahead) = (NODES.weights(1.0), NODES.weights(1.0 + MATRIX_AT * h / behind));
+        let (n, t) = (self.y_old.len(), self.at.t_old + MATRIX_AT * h);
         for l in 0..n {
             let moved = (0..S).map(|j| (ahead[j] - at_end[j]) * self.before[j * n + l]).sum::<f64>();
             self.moved[l] = self.y_old[l] + moved;
@@ -542,7 +542,7 @@ impl<E: Display> Stepper<E> for Radau {
                 self.shorten_not_finite(h, component)?;
                 continue;
             }
-            self.found = Found { error, power, iterations, rate, renews };
+            self.found = Judged { error, power, iterations, rate, renews };
             if error <= 1.0 {
                 (self.at.t_new, self.at.attempted_h) = (t_new, h);
                 (self.phase, self.polynomial.known) = (Phase::Attempted, false);

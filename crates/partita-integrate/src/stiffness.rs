@@ -18,9 +18,15 @@ const SMOOTHED: f64 = 10.0;
 /// An explicit step is limited by the fastest rate beyond this. Scale: multiples of its reciprocal. Reason: a third of what
 /// the methods here are stable with at best, as steps vary.
 const LIMITED: f64 = 2.0;
-/// Fastest rate over that of the motion. Unit: ratio. Reason: implicit steps of a twentieth of the motion's time cost about as
+/// Fastest rate over that of the motion. Scale: ratio. Reason: implicit steps of a twentieth of the motion's time cost about as
 /// much as explicit ones, so that less gains nothing.
 const STIFF: f64 = 30.0;
+
+/// An explicit step is far from that limit below this. Scale: as `LIMITED`. Reason: a quarter of it.
+const FAR: f64 = 0.5;
+/// An explicit step would be stable below this. Scale: as `LIMITED`. Reason: three quarters of it, so that methods do not change
+/// to and fro.
+const ALLOWED: f64 = 1.5;
 
 /// The rates at a state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,12 +93,12 @@ impl Stiffness {
 
     /// Whether explicit steps of length h come nowhere near.
     pub(crate) fn is_far(&self, h: f64) -> bool {
-        h.abs() * self.fastest < 0.25 * LIMITED
+        h.abs() * self.fastest < FAR
     }
 
     /// Whether explicit steps of length h would be stable.
     pub(crate) fn allows(&self, h: f64) -> bool {
-        h.abs() * self.fastest < 0.75 * LIMITED
+        h.abs() * self.fastest < ALLOWED
     }
 
     /// In words.

@@ -26,7 +26,7 @@ const AGREE: u32 = 2;
 /// steps after a change are short for their own reasons.
 const STABLE: u32 = 12;
 /// Changes of the method that are told one by one. Unit: number. Reason: a sentence each.
-const TOLD: usize = 3;
+const LISTED: usize = 3;
 
 /// What is done about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,7 +131,7 @@ impl Switching {
 
     fn note(&mut self, t: f64, to_implicit: bool, found: Stiffness) {
         self.count += 1;
-        if self.changes.len() < TOLD {
+        if self.changes.len() < LISTED {
             self.changes.push((t, to_implicit, found));
         }
     }

@@ -223,7 +223,7 @@ pub fn run<'py>(
 
 /// Notes that differ in their numbers alone are told this often. Unit: number. Reason: what happens in every segment is read
 /// once.
-const TOLD: usize = 2;
+const ALIKE: usize = 2;
 
 /// The notes of segments, each once.
 fn gathered<'n>(notes: impl Iterator<Item = &'n String>) -> Vec<String> {
@@ -244,14 +244,14 @@ fn gathered<'n>(notes: impl Iterator<Item = &'n String>) -> Vec<String> {
                 1
             }
         };
-        if count <= TOLD {
+        if count <= ALIKE {
             out.push(note.clone());
         }
     }
-    for (form, count) in alike.into_iter().filter(|(_, count)| *count > TOLD) {
+    for (form, count) in alike.into_iter().filter(|(_, count)| *count > ALIKE) {
         let last = out.iter().rposition(|note| without_numbers(note) == form);
         if let Some(note) = last.and_then(|at| out.get_mut(at)) {
-            note.push_str(&format!(" (and likewise {} times more, in other segments)", count - TOLD));
+            note.push_str(&format!(" (and likewise {} times more, in other segments)", count - ALIKE));
         }
     }
     out

@@ -78,7 +78,7 @@ pub struct LinearRates {
 
 /// Lengths of differences of the rates. Scale: relative to a component and its natural size. Reason: the root of the rounding,
 /// where the errors of a one-sided difference meet.
-const DIFFERENCE: f64 = 1.5e-8;
+const RATE_DIFFERENCE: f64 = 1.5e-8;
 
 /// Rates of a state: writes y' for y.
 pub type RatesOf<'r, E> = &'r mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>;
@@ -118,7 +118,7 @@ impl LinearRates {
         (self.along, self.derivatives) = (Along::Leading, Derivatives::Differences);
         let (mut moved, mut found) = (y.to_vec(), vec![0.0; y.len()]);
         for j in 0..count {
-            moved[j] = y[j] + DIFFERENCE * y[j].abs().max(sizes(j)).max(f64::MIN_POSITIVE);
+            moved[j] = y[j] + RATE_DIFFERENCE * y[j].abs().max(sizes(j)).max(f64::MIN_POSITIVE);
             let by = moved[j] - y[j];
             rates(&moved, &mut found)?;
             self.evaluations += 1;

@@ -12,9 +12,9 @@ pub(super) const S: usize = 3;
 /// A matrix over stages.
 pub(super) type Stages = [[f64; S]; S];
 
-/// γ, the real eigenvalue of A⁻¹.
+/// γ, the real eigenvalue of A⁻¹. Unit: number. Reason: Hairer's and Wanner's.
 pub(super) const REAL: f64 = 3.637_834_252_744_496;
-/// α and β of the others, α ± i β.
+/// α and β of the other eigenvalues, α ± i β. Unit: number. Reason: Hairer's and Wanner's.
 pub(super) const COMPLEX: [f64; 2] = [2.681_082_873_627_752, 3.050_430_199_247_41];
 /// T.
 pub(super) const T: Stages = [

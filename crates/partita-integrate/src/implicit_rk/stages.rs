@@ -20,8 +20,8 @@ pub(super) const MOST: usize = 10;
 const LEFT: f64 = 0.02;
 /// An iteration that no longer gains has found the stages if they change by less than this. Scale: multiples of the tolerance.
 /// Reason: what still changes is rounding, and the step may be off by five times as much.
-const AT_REST: f64 = 0.2;
-/// Iterations that gain less than this are at rest, or do not converge. Unit: ratio of changes. Reason: half a digit in three.
+const UNCHANGED: f64 = 0.2;
+/// Iterations that gain less than this are at rest, or do not converge. Scale: ratio of changes. Reason: half a digit in three.
 const GAINS: f64 = 0.5;
 
 /// How an iteration ended.
@@ -134,7 +134,7 @@ impl StageSolver {
             }
             if count > 1 {
                 let now = if last > 0.0 { change / last } else { 0.0 };
-                if now >= GAINS && change <= AT_REST {
+                if now >= GAINS && change <= UNCHANGED {
                     self.advance();
                     return Ok(Iterated::Found { count, rate: Some(now) });
                 }

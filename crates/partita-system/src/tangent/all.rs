@@ -185,9 +185,6 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
     fn count(&self) -> usize {
         self.base.r.size().nv
     }
-    fn is_partition(&self) -> bool {
-        false
-    }
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.copy_from_slice(v);
     }
@@ -217,6 +214,9 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
+    fn is_partition(&self) -> bool {
+        false
+    }
     fn natural_size(&self, j: usize) -> f64 {
         self.base.r.system.structure().displacement(j)
     }

@@ -251,9 +251,6 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Frozen<'s, S> {
     fn base_mut(&mut self) -> &mut Base<'s, S> {
         &mut self.base
     }
-    fn is_partition(&self) -> bool {
-        false
-    }
     fn select(&mut self, v: &[f64], u: &mut [f64]) {
         u.iter_mut().enumerate().for_each(|(j, u)| *u = dense::dot(self.selector.row(j), v));
     }
@@ -285,6 +282,9 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Frozen<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
+    fn is_partition(&self) -> bool {
+        false
+    }
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.frozen = 0;
         self.resume(t, q, v)

@@ -56,7 +56,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         let (p, w) = self.offsets();
         if !self.tangent.seen().by_clusters() && self.tangent.seen().columns() == self.k {
             self.derivative_of_levels(t, y)?;
-            return vary(self.tangent.reduction(), (t, self.positions.q()), (p, w, y.len()), out);
+            return vary(self.tangent.reduction(), (t, self.positions.q()), (p, y.len()), out);
         }
         // D and M_d in full, for this choice
         let r = self.tangent.seen();
@@ -67,7 +67,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         full.refresh_scales(t, q)?;
         full.set_partition(t, &independent)?;
         full.evaluate(t, q, &y[p..w])?;
-        vary(&mut full, (t, q), (p, w, y.len()), out)
+        vary(&mut full, (t, q), (p, y.len()), out)
     }
 
     /// All levels at (t, y), without their rates.
@@ -76,11 +76,11 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 }
 
-/// (V1-V3) at the point to which r belongs. Of y there are p coordinates, w with the velocities, and `dim` in all.
+/// (V1-V3) at the point to which r belongs. Of the `dim` components of y p are coordinates.
 fn vary<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     (t, q): (f64, &[f64]),
-    (p, w, dim): (usize, usize, usize),
+    (p, dim): (usize, usize),
     out: &mut LinearRates,
 ) -> Result<()> {
     let (n, rows, k) = (r.size().nv, r.size().rows, r.k());
@@ -173,7 +173,6 @@ fn vary<S: ConstrainedSystem>(
             }
         }
     }
-    debug_assert_eq!(w, p + k);
     out.along =
         Along::Tangent { lift: Rows::of(&lift, m), select: Rows::of(&select, dim), coupling: Rows::of(&coupling, dim) };
     Ok(())
