@@ -55,10 +55,11 @@ STIFF_AIM = 1e-6
 STIFF = """
 ## Stiff mechanisms
 
-The same [stiff mechanisms](stiff.md) at an error of 1e-6 at the end, as a part of how much positions and rates change. Solvers that
-need rates get Partita's equations as C and make Jacobians by differences; evaluations are those made, and Partita's
-are those of its steps and k for each Jacobian (J). Their times hold the calls from Python; the last column has their evaluations
-alone, at the speed of C. Van der Pol's law is a function in Python for all. The settings are the cheapest of one decade each.
+The same [stiff mechanisms](stiff.md) at an error of 1e-6 at the end, as a part of how much positions and rates change.
+Solvers that need rates get Partita's equations as C and make Jacobians by differences; evaluations are those made, and
+Partita's are those of its steps and k for each Jacobian (J). Their times hold the calls from Python; the last column
+has their evaluations alone, at the speed of C. Van der Pol's law is a function in Python for all. Of tolerances in
+decades the fastest that reaches the error counts.
 
 | mechanism | method | setting | error | evaluations | J | time | evaluations alone |
 |---|---|---|---|---|---|---|---|

@@ -322,10 +322,8 @@ def peers(folder: Path) -> dict[str, Any]:
 def stiff(folder: Path) -> dict[str, Any]:
     """Stiff mechanisms by implicit methods, here and in other programs."""
     print("\nStiff: the cheapest setting of each method that reaches an error at the end, as a part of the motion.")
-    print(
-        "Cost: evaluations made; Partita's with k for each Jacobian. Least: the evaluations alone, as code in C",
-        flush=True,
-    )
+    print("Cost: evaluations made; Partita's with k for each Jacobian. Least: the evaluations alone, as code in C")
+    sys.stdout.flush()
     row = "  {:<48}{:<18}{:>9}{:>10}{:>7}{:>11}{:>11}"
     found: dict[str, Any] = {}
     for problem in STIFF:
