@@ -65,18 +65,18 @@ def wishbone(stiffness: float, damping: float) -> pt.Mechanism:
 
 
 def rotor_shaft() -> pt.Mechanism:
-    """An unbalanced rotor between two journals, each on a stiff oil film with damping."""
+    """An unbalanced rotor between two bearing housings, each on a stiff oil film with damping."""
     m = pt.Mechanism("rotor shaft")
     half, light = 0.25, (4e-4, 4e-4, 4e-4)
-    front = m.add_body("front journal", mass=0.5, inertia=light, position=(-half, 0.0, 0.0))
+    front = m.add_body("front housing", mass=0.5, inertia=light, position=(-half, 0.0, 0.0))
     rotor = m.add_body("rotor", mass=12.0, inertia=(0.12, 0.2, 0.2), com=(0.02, 1e-3, 0.0))
-    rear = m.add_body("rear journal", mass=0.5, inertia=light, position=(half, 0.0, 0.0))
+    rear = m.add_body("rear housing", mass=0.5, inertia=light, position=(half, 0.0, 0.0))
     m.add_free("held by oil", m.ground, front, point=(-half, 0.0, 0.0))
     m.add_revolute("front bearing", front, rotor, point=(-half, 0.0, 0.0), axis=(1.0, 0.0, 0.0))
     m.add_revolute("rear bearing", rotor, rear, point=(half, 0.0, 0.0), axis=(1.0, 0.0, 0.0))
     film = np.array((1e9, 1e9, 1e9, 1e4, 1e4, 1e4))
-    for name, journal, x in (("front oil", front, -half), ("rear oil", rear, half)):
-        m.add_bushing(name, m.ground, journal, (x, 0.0, 0.0), stiffness=film, damping=5e-4 * film)
+    for name, housing, x in (("front oil", front, -half), ("rear oil", rear, half)):
+        m.add_bushing(name, m.ground, housing, (x, 0.0, 0.0), stiffness=film, damping=5e-4 * film)
     return m
 
 

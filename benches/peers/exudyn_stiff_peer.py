@@ -39,11 +39,11 @@ def drawn(spec: dict[str, Any]) -> tuple[Any, list[int]]:
         )
         weight = [body["mass"] * g for g in spec["gravity"]]
         mbs.AddLoad(Force(markerNumber=marker(mbs, objects[body["name"]], [0.0, 0.0]), loadVector=weight))
-    places = {body["name"]: np.array(body["position"]) for body in spec["bodies"]}
+    positions = {body["name"]: np.array(body["position"]) for body in spec["bodies"]}
     for joint in spec["joints"]:
         if joint["kind"] == "revolute":
             sides = (joint["parent"], joint["child"])
-            ends = [marker(mbs, objects[s], (joint["point"] - places[s])[:2]) for s in sides]
+            ends = [marker(mbs, objects[s], (joint["point"] - positions[s])[:2]) for s in sides]
             mbs.AddObject(ObjectJointRevolute2D(markerNumbers=ends))
     for force in spec["forces"]:
         ends = [marker(mbs, objects[force[f"body{i}"]], force[f"point{i}"][:2]) for i in (1, 2)]
