@@ -149,7 +149,7 @@ install-check: $(PACKING)
 ## peers: other programs for `make bench`, each in an environment of its own in out/peers
 .PHONY: peers
 peers:
-	for peer in casadi exudyn mujoco pinocchio drake; do \
+	for peer in casadi exudyn mujoco pinocchio drake sundae; do \
 	  $(PYTHON) -m venv out/peers/$$peer && \
 	  out/peers/$$peer/bin/python -m pip install --quiet --only-binary=:all: --requirement benches/peers/$$peer.txt || exit 1; \
 	done

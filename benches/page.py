@@ -1,4 +1,4 @@
-"""The page on speed and its figure, from the numbers of one run of the bench; `make speed` writes both."""
+"""The page on speed, its figure and that of stiff mechanisms, from one run of the bench; `make speed` writes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from timing import text
 
-FIGURE = "pictures/speed.svg"
+FIGURE, STIFF_FIGURE = "pictures/speed.svg", "pictures/stiff.svg"
 HEAD = """# Speed
 
 Measured by `make bench` on one machine ({machine}) in one sitting; this page and its figure are written from its
@@ -51,6 +51,19 @@ Pinocchio is called from Python here and only its evaluations are timed. Drake a
 interactive rates, not for small errors. The links of the chain come in line again and again: equations for multipliers
 lose rank there, which costs the programs that solve them their digits or the run.
 """
+STIFF_AIM = 1e-6
+STIFF = """
+## Stiff mechanisms
+
+The same [stiff mechanisms](stiff.md) at an error of 1e-6 at the end, as a part of how much positions and rates change.
+Solvers that need rates get Partita's equations as C and make Jacobians by differences; evaluations are those made, and
+Partita's are those of its steps and k for each Jacobian (J). Their times hold the calls from Python; the last column
+has their evaluations alone, at the speed of C. Van der Pol's law is a function in Python for all. Of tolerances in
+decades the fastest that reaches the error counts.
+
+| mechanism | method | setting | error | evaluations | J | time | evaluations alone |
+|---|---|---|---|---|---|---|---|
+"""
 MANY = """
 ## Many parts
 
@@ -88,6 +101,7 @@ def write(record: dict[str, Any], docs: Path) -> None:
                 f"{text(x['own'])} | {float(format(x['ratio'], '.2g')):g} |\n"
             )
     lines.append(NOTES)
+    lines += stiff_lines(record["stiff"])
     ensembles, poses = record["ensembles"], record["poses"]["sweeps"]
     lines.append(
         f"\n## Many at once\n\n4096 four-bars of 1 s at a relative tolerance of 1e-8 (`m.ensemble`): "
@@ -117,6 +131,60 @@ def write(record: dict[str, Any], docs: Path) -> None:
     )
     (docs / "speed.md").write_text("".join(lines), encoding="utf-8")
     drawn(record["peers"], docs / FIGURE)
+    stiff_drawn(record["stiff"], docs / STIFF_FIGURE)
+
+
+def stiff_lines(record: dict[str, Any]) -> list[str]:
+    """The part on stiff mechanisms."""
+    lines = [STIFF]
+    for title, found in record.items():
+        for name, tried in found["curves"].items():
+            good = [x for x in tried if x["error"] <= STIFF_AIM]
+            if not good:
+                if tried:
+                    least = min(x["error"] for x in tried)
+                    lines.append(f"| {title} | {name} | not reached | {least:.0e} | | | | |\n")
+                continue
+            x = min(good, key=lambda x: x["seconds"])
+            cost = f"{x['cost']:.0f} | {x['jacobians'] or ''}" if x["cost"] else " | "
+            lines.append(
+                f"| {title} | {name} | {x['setting']} | {x['error']:.0e} | {cost} | {text(x['seconds'])} | "
+                f"{text(x['least']) if x['least'] else ''} |\n"
+            )
+        lines += [f"| {title} | {why} | | | | | | |\n" for why in found["missing"]]
+    return lines
+
+
+def stiff_drawn(record: dict[str, Any], path: Path) -> None:
+    """Cost against error of stiff mechanisms, one panel each."""
+    shown = {title: found for title, found in record.items() if found["curves"]["dop853"]}
+    titles = list(dict.fromkeys(name for found in shown.values() for name in found["curves"]))
+    titles = [name for name in titles if "alpha" not in name]
+    styles = {"radau": ("black", "-", 2.4), "auto": ("black", ":", 2.0), "dop853": ("0.5", "-", 2.0)}
+    rows = 2 if len(shown) > 3 else 1
+    columns = -(-len(shown) // rows)
+    figure, grid = plt.subplots(
+        rows, columns, figsize=(4.2 * columns, 3.6 * rows), sharey=True, squeeze=False, layout="constrained"
+    )
+    for panel in grid.flat[len(shown) :]:
+        panel.set_axis_off()
+    for panel, (title, found) in zip(grid.flat, shown.items(), strict=False):
+        for k, name in enumerate(titles):
+            color, line, width = styles.get(name, (f"C{k}", "-", 1.2))
+            points = [(max(x["error"], 1e-12), x["cost"]) for x in found["curves"].get(name, [])]
+            if name == "dop853" and points:
+                # stability asks for as much at any error
+                points.insert(0, (1e-3, min(cost for _, cost in points)))
+            if points:
+                panel.loglog(*zip(*points, strict=True), line, marker=".", linewidth=width, color=color, label=name)
+        panel.set(title=title, xlabel="error at the end, as a part of the motion", xlim=(1e-10, 1e-3), ylim=(1e2, 2e6))
+        panel.grid(alpha=0.3)
+    for row in grid:
+        row[0].set_ylabel("evaluations, and k for each Jacobian")
+    handles = dict(pair for panel in grid.flat for pair in zip(*panel.get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
 
 
 def drawn(peers: dict[str, Any], path: Path) -> None:

@@ -5,6 +5,8 @@ Each prints what it measures and returns it as plain data.
 
 from __future__ import annotations
 
+import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,9 @@ from public_face import AGAIN_AIM, RUNS, face_cost, second_run
 from rivals import AIM as PEER_AIM
 from rivals import LINKAGES, compared
 from rivals import OUTPUTS as PEER_OUTPUTS
+from stiff import AIMS as STIFF_AIMS
+from stiff import measured
+from stiff_problems import PROBLEMS as STIFF
 from sweeps import AIM as SWEEPS_AIM
 from sweeps import MEMBERS, sweep_costs
 from ticks import AIM as TICK_AIM
@@ -314,6 +319,47 @@ def peers(folder: Path) -> dict[str, Any]:
     return found
 
 
+def stiff(folder: Path) -> dict[str, Any]:
+    """Stiff mechanisms by implicit methods, here and in other programs."""
+    print("\nStiff: the cheapest setting of each method that reaches an error at the end, as a part of the motion.")
+    print("Cost: evaluations made; Partita's with k for each Jacobian. Least: the evaluations alone, as code in C")
+    sys.stdout.flush()
+    row = "  {:<48}{:<18}{:>9}{:>10}{:>7}{:>11}{:>11}"
+    found: dict[str, Any] = {}
+    for problem in STIFF:
+        compared = measured(problem, folder / "stiff")
+        print(f"  {compared.title}, k = {compared.dof}; radau and dop853 agree to {compared.agrees:.0e}")
+        for aim in STIFF_AIMS:
+            print(row.format(f"  at {aim:.0e}", "setting", "error", "cost", "J", "time", "least"))
+            for name in compared.curves:
+                few, fast = compared.at(aim, name, "cost"), compared.at(aim, name, "seconds")
+                if few is None or fast is None:
+                    print(f"    {name} does not reach it")
+                    continue
+                least = text(fast.least) if fast.least > 0.0 else ""
+                cost = f"{few.cost:.0f}" if few.cost else ""
+                print(
+                    row.format(
+                        f"    {name}", fast.setting, f"{fast.error:.0e}", cost, few.jacobians, text(fast.seconds), least
+                    )
+                )
+        for why in compared.missing:
+            print(f"    {why}")
+        sys.stdout.flush()
+        found[compared.title] = {
+            "dof": compared.dof,
+            "agrees": compared.agrees if math.isfinite(compared.agrees) else None,
+            "curves": {name: [clean(asdict(x)) for x in tried] for name, tried in compared.curves.items()},
+            "missing": compared.missing,
+        }
+    return found
+
+
+def clean(tried: dict[str, Any]) -> dict[str, Any]:
+    """NaN is null in JSON."""
+    return {key: None if isinstance(x, float) and not math.isfinite(x) else x for key, x in tried.items()}
+
+
 SECTIONS = {
     "outputs": outputs,
     "building": building,
@@ -328,4 +374,5 @@ SECTIONS = {
     "playground": playground,
     "ticks": ticks,
     "sweeps": sweeps,
+    "stiff": stiff,
 }

@@ -143,8 +143,8 @@ def test_numbers_in_words_are_those_of_the_pages_they_lead_to() -> None:
     docs = ROOT / "docs"
     front, limits, index = (text_of(page) for page in (ROOT / "README.md", docs / "limits.md", docs / "index.md"))
     for text in (front, limits):
-        (named,) = re.findall(r"Methods are explicit \(([^)]*)\)", text)
-        assert sorted(named.lower().split(", ")) == sorted(METHODS)
+        ((explicit, implicit),) = re.findall(r"Methods are explicit \(([^)]*)\) or implicit \(([^)]*)\)", text)
+        assert sorted(f"{explicit}, {implicit}".lower().split(", ")) == sorted(METHODS)
     compared = NUMBERS[text_of(docs / "compare.md").count("<!-- measured ")]
     for page in (ROOT / "README.md", *(docs / f"{name}.md" for name in ("formulations", "index", "questions"))):
         assert re.search(rf"{compared}\s+mechanisms", text_of(page)), page.name

@@ -159,7 +159,7 @@ def _simulate(command: argparse.ArgumentParser) -> None:
     add("--outputs", metavar="N", type=count, default=501, help="number of equally spaced outputs (default 501)")
     add("--rtol", metavar="X", type=positive, help="relative tolerance of the step control (default 1e-8)")
     add("--atol", metavar="X", type=positive, help="absolute tolerance of the step control (default 1e-10)")
-    add("--method", choices=METHODS, help="integrator (default dop853)")
+    add("--method", choices=METHODS, help="integrator (default dop853; stiff: radau or auto)")
     add("--formulation", choices=FORMULATIONS, help="equations of motion (default projective)")
     add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
     add("--selection", choices=SELECTIONS, help="rule that chooses the coordinates of projective (default collective)")
@@ -182,7 +182,7 @@ def _compare(command: argparse.ArgumentParser) -> None:
     add("--time", metavar="S", type=seconds, help="length of the runs [s]; default for a NAME: that of its problem")
     add("--rtol", metavar="X", type=positive, default=RTOL, help=f"relative tolerance (default {RTOL:g})")
     add("--atol", metavar="X", type=positive, default=ATOL, help=f"absolute tolerance (default {ATOL:g})")
-    add("--method", choices=METHODS, default="dop853", help="integrator (default dop853)")
+    add("--method", choices=METHODS, default="dop853", help="integrator (default dop853; stiff: radau or auto)")
     known = ", ".join(FORMULATIONS)
     add(
         "--formulations",
@@ -266,7 +266,7 @@ def _bench(command: argparse.ArgumentParser) -> None:
         help=f"relative tolerances (default {','.join(f'{x:g}' for x in LADDER)})")  # fmt: skip
     add("--outputs", metavar="N", type=count, default=101, help="number of equally spaced outputs (default 101)")
     add("--repeat", metavar="N", type=repeats, default=3, help="number of repetitions; the median counts (default 3)")
-    add("--method", choices=METHODS, help="integrator (default dop853)")
+    add("--method", choices=METHODS, help="integrator (default dop853; stiff: radau or auto)")
     add("--formulation", choices=FORMULATIONS, help="equations of motion (default projective)")
     add("--coordinates", choices=COORDINATES, default="relative", help="coordinates of the model (default relative)")
     _start(command)

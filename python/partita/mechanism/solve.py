@@ -420,7 +420,8 @@ def simulate(
         method: "dop853" (order 8; best at small tolerances), "dopri5", "tsit5" (order 5), "bs23" (order 3; for
             tolerances of 1e-3 and looser), "rk4" (order 4, fixed steps only), "adams" (a multistep method of orders 2
             to 10: two evaluations a step, for long smooth motions of large mechanisms; it begins anew at each switch of
-            coordinates).
+            coordinates), "radau" (implicit, Radau IIA of order 5: for stiff springs, dampers and controllers), "auto"
+            ("dop853" that changes to "radau" and back where stiffness limits its steps; the notes say when and why).
         coordinates: "relative" or "absolute", as in `compile`.
         progress: True: a progress bar on the terminal with the rate and the remaining time (needs tqdm); or a function
             of the completed fraction, 0 to 1.

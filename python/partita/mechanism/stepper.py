@@ -345,7 +345,7 @@ def stepper(
 ) -> Stepper:
     """Advance a motion step by step, for control loops: `sim.step(u)`.
 
-    Each step takes `substeps` equal steps of an explicit method with constant inputs; the loops are closed to round-off
+    Each step takes `substeps` equal steps of a method with constant inputs; the loops are closed to round-off
     after each of them, and coordinates are switched when the criterion requires it, as in `simulate`. The work per step
     is therefore bounded; its error decreases with dt / substeps to the power of the method's order and is not
     controlled. Stiff mechanisms need short steps. Prefer `simulate` if all loads are known in advance.
@@ -355,7 +355,7 @@ def stepper(
         inputs: those of `Mechanism.inputs` that `step` sets; None: all but the drives, and but what events set. Other
             drives keep their own function of time; for a drive that is an input see `Stepper.step`.
         initial: state to start from; None: the drawing, assembled, at rest.
-        method: "rk4" (order 4, the default), or another one of `simulate`.
+        method: "rk4" (order 4, the default), or another one of `simulate`: "radau" for stiff mechanisms.
         substeps: number of steps of the method in each dt, 1 to 1000.
         coordinates, switch_threshold, parameters: as in `simulate`.
         record: keep every step for `result`; False: memory does not grow, however long it runs.

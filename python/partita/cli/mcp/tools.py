@@ -49,7 +49,7 @@ _RUN: dict[str, Any] = {
     },
     "rtol": {"type": "number", "exclusiveMinimum": 0, "description": "relative tolerance (default 1e-8)"},
     "atol": {"type": "number", "exclusiveMinimum": 0, "description": "absolute tolerance (default 1e-10)"},
-    "method": {"enum": list(METHODS), "description": "integrator (default dop853)"},
+    "method": {"enum": list(METHODS), "description": "integrator (default dop853; stiff mechanisms: radau or auto)"},
 }
 _FORMAT = {"enum": ["png", "svg"], "description": "default png"}
 _JOINTS = {"type": "array", "items": _NAME, "maxItems": 100, "description": "names of joints (default: all)"}
