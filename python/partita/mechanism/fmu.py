@@ -64,8 +64,8 @@ def to_fmu(
             ("gravity.x", ...). With other values the loops are closed from the initial position.
         initial: state to start from; None: the drawing, assembled, at rest.
         duration, communication_step: default values stored in the FMU [s].
-        rtol, atol, method, solver: as in `simulate` ("auto" or "radau" where forces are stiff); the simulation environment
-            may set another rtol.
+        rtol, atol, method, solver: as in `simulate` ("auto" or "radau" where forces are stiff); the simulation
+            environment may set another rtol.
         events: as in `simulate`, of measures and sensors of positions and rates, none of them terminal; what they do,
             and what friction that sticks, latches, freewheels and rigid ends do, happens inside of steps, at its time.
         locked: joints that are held from the start on, as in `simulate`.

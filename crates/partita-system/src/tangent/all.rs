@@ -214,9 +214,6 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for AllVelocities<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for AllVelocities<'s, S> {
-    fn is_partition(&self) -> bool {
-        false
-    }
     fn natural_size(&self, j: usize) -> f64 {
         self.base.r.system.structure().displacement(j)
     }

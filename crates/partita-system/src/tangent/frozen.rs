@@ -282,9 +282,6 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for Frozen<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for Frozen<'s, S> {
-    fn is_partition(&self) -> bool {
-        false
-    }
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         self.frozen = 0;
         self.resume(t, q, v)

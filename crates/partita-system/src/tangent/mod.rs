@@ -85,10 +85,6 @@ pub trait TangentLevels<'s, S: ConstrainedSystem + 's> {
 
 /// Criteria by which a basis is chosen, and chosen again.
 pub trait TangentChoice<'s, S: ConstrainedSystem + 's>: TangentLevels<'s, S> {
-    /// Whether tangent velocities are the independent ones of the reduction's partition.
-    fn is_partition(&self) -> bool {
-        true
-    }
     /// Natural size of u_j; other bases than independent velocities are measured by the mass metric already.
     fn natural_size(&self, j: usize) -> f64 {
         self.independent(None).map_or(1.0, |i| self.seen().system.structure().displacement(i[j]))

@@ -284,9 +284,6 @@ impl<'s, S: ConstrainedSystem> TangentLevels<'s, S> for MappedTangent<'s, S> {
 }
 
 impl<'s, S: ConstrainedSystem> TangentChoice<'s, S> for MappedTangent<'s, S> {
-    fn is_partition(&self) -> bool {
-        false
-    }
     fn start(&mut self, t: f64, q: &mut [f64], v: &[f64]) -> Result<()> {
         start::choose_partition(&mut self.base.r, t, q, None, None)?; // for the rows and the scales
         self.base.r.position(t, q)?;

@@ -37,7 +37,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     pub(super) fn linear(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<()> {
         let r = self.tangent.seen();
         let holonomic = r.planned.partition.rows.iter().all(|&i| i < r.size().holonomic);
-        match holonomic && self.positions.has_all() && self.tangent.is_partition() {
+        match holonomic && self.positions.has_all() && self.tangent.independent(None).is_some() {
             true => self.by_variations(t, y, out),
             false => self.by_differences(t, y, out),
         }
