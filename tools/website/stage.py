@@ -42,6 +42,7 @@ private ones included, with the labels of the equations:
 <li><a href="../rust/partita_integrate/index.html">partita_integrate</a>: methods, steps, runs</li>
 <li><a href="../rust/partita_model/index.html">partita_model</a>: bodies, joints, forces, loops</li>
 <li><a href="../rust/partita_analysis/index.html">partita_analysis</a>: mobility, redundancy, unique reactions</li>
+<li><a href="../rust/partita_web/index.html">partita_web</a>: the core inside pages</li>
 </ul>
 """
 

@@ -32,7 +32,7 @@ EXAMPLES = {
     "modes": ("four-bar-spring", "four-bar-spring --html mode.html"),
     "inverse": ("four-bar --rate A=60rpm --time 1", "four-bar --rate A=60rpm --actuator D -o torque.png"),
     "list": ("",),
-    "new": ("four-bar > my.toml", "slider-crank --rods -o my.toml"),
+    "new": ("four-bar -o my.toml", "slider-crank --rods -o my.toml"),
     "watch": ("my.toml", "my.toml --time 10"),
     "draw": ("", "--port 8000 --no-browser", "--static draw.html"),
     "bench": ("four-bar --time 1", "andrews-squeezer --tolerances 1e-5,1e-7,1e-9"),
