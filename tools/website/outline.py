@@ -33,6 +33,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "events",
         "holding",
         "stepping",
+        "stiff",
         "statics",
         "vibration",
         "placement",
