@@ -60,7 +60,8 @@ def to_fmu(
             ("gravity.x", ...). With other values the loops are closed from the initial position.
         initial: state to start from; None: the drawing, assembled, at rest.
         duration, communication_step: default values stored in the FMU [s].
-        rtol, atol, method, solver: as in `simulate` ("auto" or "radau" where it is stiff); the simulation environment may set another rtol.
+        rtol, atol, method, solver: as in `simulate` ("auto" or "radau" where it is stiff); the simulation environment
+            may set another rtol.
         version: of FMI, "2.0" or "3.0". Both give the same numbers; by 3.0 the numbers of one quantity that have one
             unit ("A.force", "gravity") are one variable, an array.
 
