@@ -164,12 +164,13 @@ def ensemble(
 ) -> Ensemble:
     """Compute many motions at once: for other initial states, other parameters, or both, member by member.
 
-    Members are integrated side by side, each with its own step size, by the method and the step control of `simulate`
-    ("projective", "dop853", also where forces are stiff); what an ordinary step does not cover (singular positions, a
-    choice of coordinates that becomes poor) is left to an ordinary run of that member. A member agrees with its ordinary run to the tolerance, and
-    does not depend on the other members' errors or on the number of workers. Prefer it to a loop over `simulate` from
-    about a hundred members on. Mechanisms with Python functions, prescribed motions, contacts, stops or tables run
-    member by member, on all cores where nothing calls Python; `notes` says so.
+    Members are integrated side by side, each with its own step size, by the method and the step control of
+    `simulate` ("projective", "dop853", also where forces are stiff); what an ordinary step does not cover (singular
+    positions, a choice of coordinates that becomes poor) is left to an ordinary run of that member. A member agrees
+    with its ordinary run to the tolerance, and does not depend on the other members' errors or on the number of
+    workers. Prefer it to a loop over `simulate` from about a hundred members on. Mechanisms with Python functions,
+    prescribed motions, contacts, stops or tables run member by member, on all cores where nothing calls Python;
+    `notes` says so.
 
     Args:
         states: initial states, one for each member, all at the same time; None: the drawing, assembled with each
