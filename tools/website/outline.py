@@ -34,6 +34,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "events",
         "holding",
         "stepping",
+        "stiff",
         "statics",
         "vibration",
         "placement",
