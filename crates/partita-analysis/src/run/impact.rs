@@ -247,12 +247,17 @@ impl Impact {
         let relative =
             |held: &Rates| -> Vec<(usize, f64)> { held.iter().map(|&(row, rate)| (row, rate - self.a[row])).collect() };
         let (lasting, all) = (relative(lasting), relative(&[lasting, set].concat()));
-        let (mut x, mut multipliers) = self.bounced(&self.x, &all, sides)?;
-        if !set.is_empty() && self.blocked(&all, sides, &x).is_some() {
-            let (met, first) = self.nearest(&self.x, &all, &[])?;
-            (x, multipliers) = self.bounced(&met, &lasting, sides)?;
-            multipliers.iter_mut().zip(&first).for_each(|(sum, first)| *sum += first);
-        }
+        let at_once = self.bounced(&self.x, &all, sides);
+        let met = at_once.as_ref().is_ok_and(|(x, _)| self.blocked(&all, sides, x).is_none());
+        let (x, multipliers) = match set.is_empty() || met {
+            true => at_once?,
+            false => {
+                let (met, first) = self.nearest(&self.x, &all, &[])?;
+                let (x, mut multipliers) = self.bounced(&met, &lasting, sides)?;
+                multipliers.iter_mut().zip(&first).for_each(|(sum, first)| *sum += first);
+                (x, multipliers)
+            }
+        };
         if let Some(side) = self.blocked(&lasting, sides, &x) {
             let message = format!(
                 "\"{}\" is in the way of the drives, which move what it stops at a rate of {:.4} into it; move the stop, or \
