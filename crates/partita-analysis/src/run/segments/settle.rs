@@ -10,7 +10,24 @@ use std::collections::BTreeSet;
 
 /// Frictions that change between sticking and slipping until a combination holds. Reason: far more than pairs of the few
 /// that come to rest together.
-const MOST_FLIPS: usize = 1000;
+const MOST_FLIPS: usize = 200;
+
+/// Frictions of which every combination is looked at where these changes do not end. Reason: 3⁶ combinations take some
+/// milliseconds.
+const MOST_COMBINED: usize = 6;
+
+/// A combination of frictions that stick and slip, judged by its accelerations.
+struct Judged {
+    /// How the frictions act.
+    now: Vec<StickSlip>,
+    pushed: Reached,
+    /// The rows that are held.
+    held: Vec<usize>,
+    /// The first one that cannot act so, and how it does.
+    flip: Option<(usize, StickSlip)>,
+    /// Those that contacts hold at rest.
+    stops: Vec<(usize, StickSlip)>,
+}
 
 /// Accelerations with frictions.
 pub(super) struct Rubbed {
@@ -191,11 +208,9 @@ impl Maker {
                 Own::Slip(..) => {}
             }
         }
-        // those that others hold at a dead point, where they are at rest for an instant alone
-        let mut turning = vec![false; count];
-        for _ in 0..MOST_FLIPS {
+        let judged = |states: &[StickSlip], turning: &[bool]| -> Result<Judged, AnalysisError> {
             let mut held = rows.to_vec();
-            let mut now = states.clone();
+            let mut now = states.to_vec();
             for i in 0..count {
                 let row = side(i).row;
                 match states[i] {
@@ -238,29 +253,55 @@ impl Maker {
                 None => self.overridden((after, &pushed), (rows, resting), (&held, &applied), &now)?,
                 found => found,
             };
-            if let Some((i, to)) = flip {
-                turning[i] |= matches!(now[i], StickSlip::Rests(_));
+            // a contact that presses holds, too
+            let presses = |x: &&OneSided| after.contact_acceleration(**x, &pushed) > 0.0;
+            let stopped: Vec<usize> =
+                held.iter().copied().chain(resting.iter().filter(presses).map(|x| x.row)).collect();
+            let stops = (0..count).filter(|&i| !decided[i] && !turning[i]).filter_map(|i| match now[i] {
+                StickSlip::Slips(sign) if after.follows(side(i).row, &stopped) => Some((i, StickSlip::Rests(sign))),
+                _ => None,
+            });
+            let stops = stops.collect();
+            Ok(Judged { now, pushed, held, flip, stops })
+        };
+        let strength = || (0..count).map(|i| after.length(side(i).row) * levels[i][1]).sum();
+        let done = |x: Judged| Rubbed { frictions: x.now, pushed: x.pushed, held: x.held, strength: strength() };
+        // those that others hold at a dead point, where they are at rest for an instant alone
+        let mut turning = vec![false; count];
+        for _ in 0..MOST_FLIPS {
+            let found = judged(&states, &turning)?;
+            if let Some((i, to)) = found.flip {
+                turning[i] |= matches!(found.now[i], StickSlip::Rests(_));
                 states[i] = to;
                 if let StickSlip::Slips(sign) = to {
                     frees(&mut states, toward(i, sign))?;
                 }
                 continue;
             }
-            // a contact that presses holds, too
-            let presses = |x: &&OneSided| after.contact_acceleration(**x, &pushed) > 0.0;
-            let stopped: Vec<usize> =
-                held.iter().copied().chain(resting.iter().filter(presses).map(|x| x.row)).collect();
-            let mut stops = false;
-            for i in (0..count).filter(|&i| !decided[i] && !turning[i]) {
-                if let (StickSlip::Slips(sign), true) = (now[i], after.follows(side(i).row, &stopped)) {
-                    (states[i], stops) = (StickSlip::Rests(sign), true);
-                }
+            if found.stops.is_empty() {
+                return Ok(done(found));
             }
-            if stops {
-                continue;
+            found.stops.iter().for_each(|&(i, to)| states[i] = to);
+        }
+        // the changes go round in a circle: every combination in turn, those first in which more sticks
+        let open: Vec<usize> = (0..count).filter(|&i| !decided[i]).collect();
+        let mut combinations: Vec<Vec<StickSlip>> = vec![Vec::new()];
+        for _ in open.iter().take(MOST_COMBINED) {
+            let one = [StickSlip::Sticks, StickSlip::Slips(1), StickSlip::Slips(-1)];
+            combinations = combinations.iter().flat_map(|x| one.map(|state| [&x[..], &[state]].concat())).collect();
+        }
+        combinations.sort_by_key(|x| x.iter().filter(|state| **state != StickSlip::Sticks).count());
+        let none = vec![false; count];
+        for combination in combinations.iter().filter(|_| open.len() <= MOST_COMBINED) {
+            open.iter().zip(combination).for_each(|(&i, &state)| states[i] = state);
+            let mut found = judged(&states, &none)?;
+            if found.flip.is_none() && !found.stops.is_empty() {
+                found.stops.iter().for_each(|&(i, to)| states[i] = to);
+                found = judged(&states, &none)?;
             }
-            let strength = (0..count).map(|i| after.length(side(i).row) * levels[i][1]).sum();
-            return Ok(Rubbed { frictions: now, pushed, held, strength });
+            if found.flip.is_none() && found.stops.is_empty() {
+                return Ok(done(found));
+            }
         }
         let names: Vec<&str> = self.frictions.iter().map(|x| &*x.name).collect();
         Err(refuse(format!(
