@@ -88,7 +88,7 @@ test-rust: $(TOOLS)
 test-python: $(BUILT) $(FMU)
 	$(BIN)/python -m pytest
 
-## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; as many everyday drawings, and what must not matter to them; RUNS=2000 keep their branch; verdicts; kinks; contacts; chains; platforms; misdrawn loops beside couplings; the zoo and its linearised equations; in full what `make test` looks at in part
+## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; as many everyday drawings, and what must not matter to them; RUNS=2000 keep their branch; verdicts; kinks; runs of segments by brute force; contacts; chains; platforms; misdrawn loops beside couplings; the zoo and its linearised equations; in full what `make test` looks at in part
 N ?= 5000
 RUNS ?= 2000
 trust: $(BUILT)
@@ -97,6 +97,7 @@ trust: $(BUILT)
 	PYTHONPATH=tests/python $(BIN)/python -m branches $(RUNS)
 	PYTHONPATH=tests/python $(BIN)/python -m verdicts 1000
 	PYTHONPATH=tests/python $(BIN)/python -m kinks 2000
+	PYTHONPATH=tests/python $(BIN)/python -m holding 300
 	PYTHONPATH=tests/python $(BIN)/python -m contacts 1000
 	PYTHONPATH=tests/python $(BIN)/python -m chains
 	PYTHONPATH=tests/python $(BIN)/python -m geometry_study platforms
