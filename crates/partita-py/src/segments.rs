@@ -173,6 +173,13 @@ impl Reported for SegmentsLog {
         true
     }
     fn stages(&self) -> Vec<(usize, Arc<Model>)> {
+        if self.whole.follows_reactions() {
+            // what they follow is what acts in each mode
+            let of = |part: &Part| {
+                part.whole.with_reactions_of(&part.run.system).map(Arc::new).unwrap_or(part.whole.clone())
+            };
+            return self.parts.iter().map(|part| (part.run.log.outputs.len(), of(part))).collect();
+        }
         let mut stages: Vec<(usize, Arc<Model>)> = Vec::new();
         for part in &self.parts {
             let count = part.run.log.outputs.len();

@@ -5,6 +5,7 @@ use super::rows::{tables, Rows, Watch};
 use super::{Forces, States};
 use crate::error::AnalysisError;
 use crate::instant::Levels;
+use partita_math::tolerance;
 use partita_model::Model;
 use partita_system::prelude::*;
 use partita_system::start::rank_here;
@@ -29,8 +30,16 @@ pub fn checks(model: &Model, states: &States, forces: &Forces, watch: Watch) -> 
         levels.velocity(t, q, v)?;
         let along = |r: usize| pattern.row(r).map(|e| levels.c[e] * vdot[pattern.col_idx[e]]).sum::<f64>();
         let finite = vdot.iter().all(|x| x.is_finite());
-        // a drive that does not hold asks for nothing
-        let acts = |r: usize| !switched[r] || lambda[r] != 0.0;
+        // a drive that does not hold asks for nothing, nor friction that slips, whose force stands as its multiplier
+        let rate = |r: usize| {
+            let terms = pattern.row(r).map(|e| levels.c[e] * v[pattern.col_idx[e]]);
+            terms.fold((levels.a[r], levels.a[r].abs()), |sum, x| (sum.0 + x, sum.1 + x.abs()))
+        };
+        let rests = |r: usize| {
+            let (rate, terms) = rate(r);
+            rate.abs() <= tolerance::STANDING.max(tolerance::EQUAL * terms)
+        };
+        let acts = |r: usize| !switched[r] || lambda[r] != 0.0 && rests(r);
         let violation = |r: usize| match (finite, acts(r)) {
             (true, true) => along(r) + levels.b[r],
             (true, false) => 0.0,

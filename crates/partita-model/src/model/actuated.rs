@@ -10,9 +10,11 @@
 use super::{driven_once, drives, Model};
 use crate::compile;
 use crate::error::DescriptionError;
+use crate::evaluator::Follow;
 use crate::freed::Freed;
 use crate::measurement::{drivable, is_angle, Maker, Quantity};
 use crate::numbers::Numbers;
+use crate::reaction_friction::{Elsewhere, Following};
 use crate::rows::Owner;
 use crate::spec::{Drive, Force, Level, Measure, PointForce, Spec, Table, Value, VectorValue};
 use crate::value;
@@ -132,6 +134,19 @@ impl Model {
             }
         })?;
         made.permanent = self.permanent.clone();
+        Ok(made)
+    }
+
+    /// The same mechanism whose frictions follow the reactions of this one, in which other rows and forces act.
+    ///
+    /// # Errors
+    /// Where its equations cannot be made.
+    pub fn with_reactions_of(&self, of: &Arc<Self>) -> Result<Self, DescriptionError> {
+        let mut made = self.remade(|_| ())?;
+        made.permanent = self.permanent.clone();
+        let displacements: Vec<_> = made.structure.rows.iter().map(|row| row.displacement).collect();
+        let own = Following::new(&made.own, &made.spec, (&made.structure.pattern, &displacements))?;
+        made.own.following = own.map(|own| Arc::new(Elsewhere::new(own, of.clone())) as Arc<dyn Follow<f64>>);
         Ok(made)
     }
 

@@ -17,13 +17,16 @@ use crate::error::DescriptionError;
 use crate::evaluator::{Engine, Evaluator, Follow, Scratch};
 use crate::force::{Bearing, Element, Friction, Load, LoadLaw};
 use crate::joint::Motion;
+use crate::model::Model;
 use crate::planarity::needs_space;
 use crate::spec::{Force, Spec};
 use crate::zero_position::{Placed, PlacedJoint};
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Space, Vec3};
 use partita_math::tolerance;
+use partita_system::system::Levels;
 use partita_system::SystemError;
+use std::sync::Arc;
 
 /// Where the reaction of a joint is evaluated.
 #[derive(Clone, Copy, Debug)]
@@ -124,6 +127,46 @@ impl Following {
         let short_of_mass = !placed.massless.is_empty();
         let (pattern, row_displacement) = (pattern.clone(), row_displacement.to_vec());
         Ok((!frictions.is_empty()).then_some(Self { frictions, pattern, row_displacement, dependent, short_of_mass }))
+    }
+}
+
+/// Those of a mechanism whose reactions are those of another one in the same coordinates, with other rows and forces.
+pub(crate) struct Elsewhere {
+    /// Of the mechanism.
+    own: Following,
+    /// Where the reactions are.
+    of: Arc<Model>,
+}
+
+impl Elsewhere {
+    pub(crate) fn new(own: Following, of: Arc<Model>) -> Self {
+        Self { own, of }
+    }
+}
+
+impl Follow<f64> for Elsewhere {
+    fn count(&self) -> usize {
+        self.own.count()
+    }
+
+    fn add(
+        &self,
+        model: &Evaluator<f64>,
+        (t, q, v): (f64, &[f64], &[f64]),
+        s: &mut Scratch<f64>,
+    ) -> Result<(), SystemError> {
+        let mut other = self.of.scratch();
+        self.of.equations().reaction_friction_at(t, q, v, other.equations())?;
+        let normal = &other.equations().full_forces.normal_forces;
+        let at = model.instant(t, q, v);
+        match (&model.engine, &mut s.planar) {
+            (Engine::Planar(tree), Some(x)) => {
+                self.own.add_given(tree, &at, x, &mut s.planar_forces, normal);
+                s.full_forces.normal_forces.clone_from(normal);
+            }
+            _ => self.own.add_given(&model.full, &at, &mut s.full, &mut s.full_forces, normal),
+        }
+        Ok(())
     }
 }
 

@@ -108,17 +108,30 @@ impl Following {
             }
         }
         x.magnitudes.solve().map_err(|jam| self.jammed(tree, at.t, jam))?;
+        self.add_given(tree, at, s, memory, &x.magnitudes.normal);
+        Ok(())
+    }
+
+    /// Add their loads with these normal forces, at the last twists; stores them in the memory of the forces.
+    pub(super) fn add_given<G: Space<S = f64>>(
+        &self,
+        tree: &Mechanics<G>,
+        at: &Instant<f64>,
+        s: &mut TreeScratch<G>,
+        memory: &mut ForceScratch<G>,
+        normal: &[f64],
+    ) {
         for (j, entry) in self.frictions.iter().enumerate() {
-            let Some(Followed { load, .. }) = friction(tree, entry) else { continue };
-            memory.normal_forces[j] = x.magnitudes.normal[j];
+            let Some(Followed { load, law, bearing }) = friction(tree, entry) else { continue };
+            memory.normal_forces[j] = normal[j];
             let now = At { tree, s, instant: again(at) };
             let read = load.read(&now);
-            let effort = -(x.magnitudes.kappa[j] * x.magnitudes.normal[j]);
+            let kappa = law.law(bearing.coefficient, bearing.held).per_speed(read.rate * read.rate) * read.rate;
+            let effort = -(kappa * normal[j]);
             let application = load.application(&now, &read, effort);
             let effect = Effect { application, potential: 0.0, power: effort * read.rate };
             tree.add_effect(s, &effect, memory);
         }
-        Ok(())
     }
 
     fn jammed<G: Space<S = f64>>(&self, tree: &Mechanics<G>, t: f64, jam: Jam) -> SystemError {

@@ -257,8 +257,13 @@ impl Maker {
             let presses = |x: &&OneSided| after.contact_acceleration(**x, &pushed) > 0.0;
             let stopped: Vec<usize> =
                 held.iter().copied().chain(resting.iter().filter(presses).map(|x| x.row)).collect();
+            // but not one that it moves past a dead point
+            let rests = |i: usize| {
+                let still = tolerance::EQUAL * after.strongest(side(i));
+                after.growth(side(i), &pushed.v).abs() <= still && after.follows(side(i).row, &stopped)
+            };
             let stops = (0..count).filter(|&i| !decided[i] && !turning[i]).filter_map(|i| match now[i] {
-                StickSlip::Slips(sign) if after.follows(side(i).row, &stopped) => Some((i, StickSlip::Rests(sign))),
+                StickSlip::Slips(sign) if rests(i) => Some((i, StickSlip::Rests(sign))),
                 _ => None,
             });
             let stops = stops.collect();

@@ -57,7 +57,8 @@ impl Checks {
         let (speed, strongest) = (length(s, |i| r.at.v[i]), r.strongest(vdot).max(r.fastest().powi(2)));
         self.trial_sizes = (self.sizes.0.max(speed), self.sizes.1.max(strongest));
         let (violation, row) = r.acceleration_gap(vdot);
-        self.trial.acceleration = Gap { part: in_parts(violation, self.trial_sizes.1.max(tolerance::STANDING)), t, row };
+        self.trial.acceleration =
+            Gap { part: in_parts(violation, self.trial_sizes.1.max(tolerance::STANDING)), t, row };
         self.trial.jump = self.jump(t, r);
         let part = drift.map_or(0.0, |(violation, distance)| in_parts(violation, distance * distance));
         self.trial.branch = Gap { part, t, row: 0 };
