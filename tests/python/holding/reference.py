@@ -440,10 +440,16 @@ class Reference:
 
     def located(self, dense: Any, mode: Mode, k: int, last: tuple[float, Array], x: float) -> float:
         """When a number that is followed passed zero."""
+        low = last[0]
         if last[1][k] <= 0.0:
-            return last[0]
+            # what begins on zero may have left it, and come back since
+            inside = (low + (x - low) * 0.5**i for i in range(1, 40))
+            away = next((t for t in inside if self.followed(t, dense(t), mode)[k] > 0.0), None)
+            if away is None:
+                return low
+            low = away
         try:
-            return float(brentq(lambda t: self.followed(t, dense(t), mode)[k], last[0], x, xtol=1e-13))
+            return float(brentq(lambda t: self.followed(t, dense(t), mode)[k], low, x, xtol=1e-13))
         except ValueError:
             return x
 
