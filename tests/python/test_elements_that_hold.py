@@ -290,7 +290,7 @@ def test_a_stepper_follows_what_a_run_follows(case: str, coordinates: str) -> No
 def test_what_a_stepper_cannot_do_with_events_is_said() -> None:
     m = wheel()
     m.add_torque("motor", "A", 0.0)
-    with pytest.raises(DescriptionError, match="which the stepper takes at each step"):
+    with pytest.raises(DescriptionError, match="an input that is given at each step"):
         m.stepper(0.01, inputs=["motor"], events=[pt.Event("e", "A", value=1.0, then=pt.SetInput("motor", 1.0))])
     with pytest.raises(pt.errors.ArgumentError, match="terminal"):
         m.stepper(0.01, events=[pt.Event("e", "A", value=1.0, terminal=True)])

@@ -76,12 +76,11 @@ def test_saved_and_loaded_they_hold_the_same(name: str, tmp_path: Path) -> None:
 def test_who_cannot_follow_them_refuses_them_by_name(name: str, tmp_path: Path) -> None:
     m = pt.catalogue.load(name)
     calls: list[Callable[[], Any]] = [
-        lambda: m.to_fmu(tmp_path / "m.fmu"),
         lambda: m.to_playground(tmp_path / "m.html"),
         lambda: m.export_c(tmp_path / "m.c"),
     ]
     for call in calls:
-        with pytest.raises(DescriptionError, match="only simulate and steppers can"):
+        with pytest.raises(DescriptionError, match="only simulate, steppers and FMUs can"):
             call()
 
 

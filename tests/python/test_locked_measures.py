@@ -157,7 +157,7 @@ def test_steppers_lock_part_and_set_inputs_as_runs_do(name: str, dt: float) -> N
 def test_an_input_of_a_stepper_is_not_set_by_events_as_well() -> None:
     entry = pt.catalogue.entry("punch-press")
     m = entry.mechanism()
-    with pytest.raises(DescriptionError, match=r'"touches".*"sheet.x", which the stepper takes at each step'):
+    with pytest.raises(DescriptionError, match=r'"touches".*"sheet.x", an input that is given at each step'):
         m.stepper(1e-3, inputs=["sheet.x"], events=entry.options["events"][:2])
 
 

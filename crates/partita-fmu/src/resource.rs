@@ -1,7 +1,9 @@
 //! The content of `resources/model.json`, written with the FMU.
 
+use partita_analysis::run::segments::WrittenPlan;
 use partita_analysis::run::Request;
-use partita_model::spec::Spec;
+use partita_model::event_functions::WrittenEvent;
+use partita_model::spec::{Drive, Spec};
 use serde::Deserialize;
 
 /// The version of the file that is read.
@@ -31,6 +33,23 @@ pub struct Resource {
     /// Arrays among all these, by the number of their first value and their length; other values are variables alone.
     #[serde(default)]
     pub arrays: Vec<(usize, usize)>,
+    /// What holds at times, and events.
+    #[serde(default)]
+    pub holding: Option<Holding>,
+}
+
+/// What holds at times, and events.
+#[derive(Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Holding {
+    /// Events, those of elements after those of the user.
+    pub events: Vec<WrittenEvent>,
+    /// The drives by which they act.
+    pub drives: Vec<Drive>,
+    /// What they do.
+    pub acts: WrittenPlan,
+    /// How many may occur in a step.
+    pub most: usize,
 }
 
 /// A number of a parameter of the model.
@@ -134,4 +153,19 @@ pub enum Shown {
     Kinetic,
     /// Potential energy.
     Potential,
+    /// What an element carries that holds by these drives.
+    Carried {
+        /// Their names.
+        drives: Vec<String>,
+    },
+    /// How often something happened to these events since the start.
+    Count {
+        /// Their numbers.
+        events: Vec<usize>,
+    },
+    /// When it did for the last time (s); the start of the simulation where it did not yet.
+    Last {
+        /// Their numbers.
+        events: Vec<usize>,
+    },
 }

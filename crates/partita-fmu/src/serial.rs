@@ -1,6 +1,6 @@
 //! Lists of numbers as bytes: what a saved state of an FMU is outside of the program.
 
-const MARK: &[u8] = b"partita fmu state 1";
+const MARK: &[u8] = b"partita fmu state 2";
 
 /// The lists, after a mark and the name of the model.
 pub fn bytes(guid: &str, lists: &[&[f64]]) -> Vec<u8> {

@@ -1,16 +1,19 @@
 //! The mechanism between communication points: inputs in, a step, outputs.
 
 use crate::inputs::{Course, Inputs};
-use crate::resource::{Input, Parameter, Resource, Shown, VERSION};
+use crate::resource::{Holding, Input, Parameter, Resource, Shown, VERSION};
 use crate::serial;
 use partita_analysis::error::AnalysisError;
 use partita_analysis::outputs::{self, Forces, States};
 use partita_analysis::poses::{self, Ask};
+use partita_analysis::run::segments::{spread, Gone, Happening, Relay, Segment, Standing, Undecided};
 use partita_analysis::run::{self, Request, Run};
 use partita_integrate::simulate::Status;
 use partita_math::tolerance;
+use partita_model::event_functions::Formulas;
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
+use partita_system::event::EventFunctions;
 use partita_system::positions::turns;
 use partita_system::prelude::*;
 use std::ops::{ControlFlow, Range};
@@ -34,15 +37,22 @@ pub struct State {
     outputs: Option<Vec<f64>>,
     /// Values of the parameters.
     parameters: Vec<f64>,
+    /// How what holds at times stands; `None` before the start.
+    standing: Option<Standing>,
+    /// How often something happened to each event, and when for the last time.
+    happened: Vec<(f64, f64)>,
 }
 
 /// A mechanism that steps.
 pub struct Slave {
     guid: String,
     /// With the parameters of the file.
-    drawn: Model,
+    drawn: Arc<Model>,
     /// With those in `built`, where they are others.
-    changed: Option<Model>,
+    changed: Option<Arc<Model>>,
+    /// What holds at times, and what follows it, with these parameters.
+    holding: Option<Holding>,
+    relay: Option<Relay>,
     parameters: Vec<Parameter>,
     built: Vec<f64>,
     options: Request,
@@ -115,6 +125,7 @@ impl Slave {
         let cell = Inputs::default();
         cell.set(&courses);
         let model = Model::new(resource.model, Arc::new(cell.clone()), Coordinates::Relative).map_err(words)?;
+        let model = with_drives(Arc::new(model), resource.holding.as_ref())?;
         let size = model.size();
         if (start.q.len(), start.v.len()) != (size.nq, size.nv) {
             return Err(format!("the start has {} coordinates and {} velocities", start.q.len(), start.v.len()));
@@ -131,11 +142,15 @@ impl Slave {
         let count = inputs.len() + shown.len() + built.len();
         let arrays = arrays(&resource.arrays, count).ok_or("the arrays of the resources do not fit")?;
         let (t, q, v, parameters) = (start.t, start.q, start.v, built.clone());
-        let first = State { t, q, v, inputs, slopes, courses, outputs: None, parameters };
+        let events = resource.holding.as_ref().map_or(0, |x| x.events.len());
+        let happened = vec![(0.0, t); events];
+        let first = State { t, q, v, inputs, slopes, courses, outputs: None, parameters, standing: None, happened };
         Ok(Self {
             guid: resource.guid,
             drawn: model,
             changed: None,
+            holding: resource.holding,
+            relay: None,
             parameters: resource.parameters,
             built,
             rtol: resource.options.rtol,
@@ -150,7 +165,7 @@ impl Slave {
     }
 
     /// The model with the parameters in use.
-    fn model(&self) -> &Model {
+    fn model(&self) -> &Arc<Model> {
         self.changed.as_ref().unwrap_or(&self.drawn)
     }
 
@@ -176,8 +191,12 @@ impl Slave {
         let changes: Vec<(&str, &[f64])> = changes.iter().map(|(name, x)| (&name[..], &x[..])).collect();
         self.changed = match self.first.parameters == values {
             true => None,
-            false => Some(self.drawn.with_parameters(&changes).map_err(words)?),
+            false => {
+                let changed = self.drawn.permanent().with_parameters(&changes).map_err(words)?;
+                Some(with_drives(Arc::new(changed), self.holding.as_ref())?)
+            }
         };
+        self.relay = None;
         self.built = values.to_vec();
         Ok(())
     }
@@ -211,16 +230,29 @@ impl Slave {
         let (outputs, known) =
             (state.outputs.clone().unwrap_or_default(), f64::from(u8::from(state.outputs.is_some())));
         let alone = [state.t, f64::from(phase), known];
-        let lists: [&[f64]; 8] =
-            [&alone, &state.q, &state.v, &state.inputs, &state.slopes, &courses, &outputs, &state.parameters];
+        let standing = state.standing.as_ref().zip(self.relay.as_ref());
+        let standing = standing.map(|(standing, relay)| relay.numbers(standing)).unwrap_or_default();
+        let happened: Vec<f64> = state.happened.iter().flat_map(|x| [x.0, x.1]).collect();
+        let lists: [&[f64]; 10] = [
+            &alone,
+            &state.q,
+            &state.v,
+            &state.inputs,
+            &state.slopes,
+            &courses,
+            &outputs,
+            &state.parameters,
+            &standing,
+            &happened,
+        ];
         serial::bytes(&self.guid, &lists)
     }
 
     /// The state and the phase in bytes of this model.
-    pub fn state_of(&self, bytes: &[u8]) -> Result<(State, u8), String> {
+    pub fn state_of(&mut self, bytes: &[u8]) -> Result<(State, u8), String> {
         let wrong = || "these bytes are not a state of this model".to_string();
         let lists = serial::lists(&self.guid, bytes).ok_or_else(wrong)?;
-        let [alone, q, v, inputs, slopes, courses, outputs, parameters]: [Vec<f64>; 8] =
+        let [alone, q, v, inputs, slopes, courses, outputs, parameters, standing, happened]: [Vec<f64>; 10] =
             lists.try_into().map_err(|_| wrong())?;
         let [t, phase, known]: [f64; 3] = alone.try_into().map_err(|_| wrong())?;
         let courses = courses.chunks(Course::NUMBERS).map(Course::from_numbers).collect::<Option<Vec<_>>>();
@@ -229,8 +261,18 @@ impl Slave {
             [&x.q, &x.v, &x.inputs, &x.slopes, &x.parameters].map(Vec::len).into_iter().chain([x.courses.len()])
         };
         let outputs = (known != 0.0).then_some(outputs);
-        let state = State { t, q, v, inputs, slopes, courses, outputs, parameters };
-        let fits = state.outputs.as_ref().is_none_or(|x| x.len() == self.shown.len());
+        let happened: Vec<(f64, f64)> =
+            happened.chunks(2).map(|x| (x[0], x.get(1).copied().unwrap_or_default())).collect();
+        let standing = match standing.is_empty() {
+            true => None,
+            false => {
+                let relay = self.relay()?.ok_or_else(wrong)?;
+                Some(relay.from_numbers(&standing).ok_or_else(wrong)?)
+            }
+        };
+        let fits = happened.len() == self.first.happened.len();
+        let state = State { t, q, v, inputs, slopes, courses, outputs, parameters, standing, happened };
+        let fits = fits && state.outputs.as_ref().is_none_or(|x| x.len() == self.shown.len());
         match sizes(&state).eq(sizes(&self.first)) && fits {
             true => Ok((state, phase as u8)),
             false => Err(wrong()),
@@ -247,7 +289,8 @@ impl Slave {
         }
         self.options.rtol = rtol.unwrap_or(self.rtol);
         let mut state = self.state.clone();
-        state.t = t;
+        (state.t, state.standing) = (t, None);
+        state.happened.iter_mut().for_each(|x| *x = (0.0, t));
         for course in &mut state.courses {
             *course = course.from(t);
         }
@@ -351,7 +394,7 @@ impl Slave {
         let mut state = self.state.clone();
         if state.parameters != self.built {
             self.rebuild(&state.parameters)?;
-            let (model, t) = (self.model(), state.t);
+            let (model, t) = (self.model().permanent(), state.t);
             let ask = Ask { guess: vec![], fixed: vec![], levels: vec![], tolerance: tolerance::EQUAL };
             let q = poses::one(model, t, &self.first.q, &ask).map_err(words)?.q;
             let rest = self.first.v.iter().all(|v| *v == 0.0) && !model.structure().rheonomic;
@@ -422,7 +465,11 @@ impl Slave {
             };
         }
         self.cell.set(&courses);
-        match self.marched(now, end, &[end], false) {
+        let moved = match self.holding.is_some() {
+            true => self.followed(now, end, false),
+            false => self.marched(now, end, &[end], false),
+        };
+        match moved {
             Ok((state, doubts)) => {
                 let old = std::mem::replace(&mut self.state, state);
                 let State { inputs, slopes, parameters, .. } = old;
@@ -441,9 +488,78 @@ impl Slave {
     fn look(&mut self) -> Result<(), String> {
         let now = self.state.t;
         let span = 1.0_f64.max(now.abs());
-        let (state, _) = self.marched(now, now + span, &[now], true)?;
+        let (state, _) = match self.holding.is_some() {
+            true => self.followed(now, now + span, true)?,
+            false => self.marched(now, now + span, &[now], true)?,
+        };
         self.state.outputs = state.outputs;
+        if self.holding.is_some() {
+            (self.state.standing, self.state.happened, self.state.v) = (state.standing, state.happened, state.v);
+        }
         Ok(())
+    }
+
+    /// What follows what holds at times, with the parameters in use.
+    fn relay(&mut self) -> Result<Option<&mut Relay>, String> {
+        let Some(holding) = self.holding.clone() else { return Ok(None) };
+        if self.relay.is_none() {
+            let now = self.state.t;
+            let request = Request { t0: now, t_end: now + 1.0_f64.max(now.abs()), ..self.options.clone() };
+            let model = self.model().clone();
+            let events = holding.events.iter().map(|x| x.event()).collect();
+            let plan = holding.acts.plan(&model, (events, holding.most), Box::new(Undecided));
+            let formulas: Vec<_> = holding.events.into_iter().map(|x| (x.name, x.formula)).collect();
+            let calls = Arc::new(self.cell.clone());
+            let functions = Box::new(move || {
+                let made = Formulas::of_mechanism(model.clone(), &formulas, calls.clone())?;
+                Ok(Box::new(made) as Box<dyn EventFunctions>)
+            });
+            let relay = Relay::new(plan, functions, &request, (&self.state.q, &self.state.v)).map_err(words)?;
+            self.relay = Some(relay);
+        }
+        Ok(self.relay.as_mut())
+    }
+
+    /// As `marched`, where something holds at times: to the end, or with the outputs at the start.
+    fn followed(&mut self, now: f64, end: f64, at_once: bool) -> Result<(State, Vec<String>), String> {
+        if self.state.standing.is_none() {
+            self.relay = None; // it begins here
+        }
+        let (mut state, options) = (self.state.clone(), Request { t0: now, t_end: end, ..self.options.clone() });
+        let relay = self.relay()?.ok_or("nothing holds here")?;
+        let standing = match &state.standing {
+            Some(standing) => standing.clone(),
+            None => {
+                let (standing, v, happenings) = relay.started();
+                state.v = v.to_vec();
+                count(&mut state.happened, happenings);
+                standing
+            }
+        };
+        let t_eval = [if at_once { now } else { end }];
+        let mut watch = |_: f64| if at_once { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+        let gone = relay.go_on(&standing, (&state.q, &state.v), &options, &t_eval, &mut watch).map_err(words)?;
+        let Gone { segments, happenings, standing: after } = gone;
+        let last = segments.last().ok_or("the step has no segment")?;
+        let found = &last.run.outcome;
+        let ends = [Status::Finished, Status::Invalid, Status::Event];
+        if !(ends.contains(&found.status) || (at_once && found.status == Status::Interrupted)) {
+            return Err(format!("it ends at t = {} ({}): {}", found.t, found.status.word(), found.message));
+        }
+        let findings = || segments.iter().flat_map(|x| &x.run.findings);
+        if let Some(invalid) = findings().find(|x| x.invalid) {
+            return Err(format!("at t = {}: {}", invalid.t, invalid.sentence));
+        }
+        let doubts = findings().map(|x| x.sentence.clone()).collect();
+        if !at_once {
+            count(&mut state.happened, &happenings);
+        }
+        state.standing = Some(if at_once { standing } else { after });
+        let at = segments.iter().rev().find(|x| !x.run.log.outputs.is_empty()).ok_or("the run has no output")?;
+        let (happened, standing) = (state.happened, state.standing);
+        let mut shown = self.shown(&at.run, Some(at), &happened)?;
+        (shown.happened, shown.standing) = (happened, standing);
+        Ok((shown, doubts))
     }
 
     /// Integrate to the one requested output; `at_once` stops there.
@@ -451,7 +567,7 @@ impl Slave {
         let options = Request { t0: now, t_end: end, ..self.options.clone() };
         let mut watch = |_: f64| if at_once { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
         let (q, v) = (&self.state.q[..], &self.state.v[..]);
-        let found = run::run(self.model(), &options, None, t_eval, (q, v), &mut watch).map_err(words)?;
+        let found = run::run(&**self.model(), &options, None, t_eval, (q, v), &mut watch).map_err(words)?;
         let ended = found.outcome.status;
         if !(matches!(ended, Status::Finished | Status::Invalid) || (at_once && ended == Status::Interrupted)) {
             return Err(format!("it ends at t = {} ({}): {}", found.outcome.t, ended.word(), found.outcome.message));
@@ -460,20 +576,33 @@ impl Slave {
             return Err(format!("at t = {}: {}", invalid.t, invalid.sentence));
         }
         let doubts = found.findings.iter().map(|x| x.sentence.clone()).collect();
-        Ok((self.shown(&found)?, doubts))
+        Ok((self.shown(&found, None, &[])?, doubts))
     }
 
-    /// The state at the first output of a run, with its outputs.
-    fn shown(&self, found: &Run) -> Result<State, String> {
+    /// The state at the first output of a run, or of a segment, with its outputs.
+    fn shown(&self, found: &Run, of: Option<&Segment>, happened: &[(f64, f64)]) -> Result<State, String> {
+        let model: &Model = of.map_or(self.model(), |x| &x.whole);
         let output = found.log.outputs.first().ok_or("the run has no output")?;
         let q: Vec<f64> = output.q.iter().zip(&output.turns).map(|(q, n)| turns::whole(*q, *n)).collect();
         let (t, v) = (output.t, output.v.clone());
         let mut watch = || Ok::<(), AnalysisError>(());
         let times = [t];
         let states = States { t: &times, q: &q, v: &v };
-        let reacts = |x: &Shown| matches!(x, Shown::Force { .. } | Shown::Moment { .. } | Shown::Effort { .. });
+        let reacts = |x: &Shown| {
+            matches!(x, Shown::Force { .. } | Shown::Moment { .. } | Shown::Effort { .. } | Shown::Carried { .. })
+        };
         let forces = match self.shown.iter().any(|(x, _)| reacts(x)) {
-            true => Some(found.log.describe(self.model(), false, &mut watch).map_err(words)?),
+            true => {
+                let own = of.map_or(model, |x| &x.model);
+                let mut forces = found.log.describe(own, false, &mut watch).map_err(words)?;
+                if let Some(x) = of {
+                    let first = forces.multipliers.get(..x.rows.len()).unwrap_or_default();
+                    let rows = (&x.rows[..], model.size().rows);
+                    forces.multipliers = spread(model, rows, &x.slips, (output, first)).map_err(words)?;
+                    forces.vdot.truncate(v.len());
+                }
+                Some(forces)
+            }
             false => None,
         };
         let mut values = Vec::with_capacity(self.shown.len());
@@ -487,7 +616,7 @@ impl Slave {
                     let known = motions.take().filter(|(of, _)| *of == j);
                     let known = match known {
                         Some(known) => known,
-                        None => (j, outputs::joints(self.model(), &states, &[j], &mut watch).map_err(words)?),
+                        None => (j, outputs::joints(model, &states, &[j], &mut watch).map_err(words)?),
                     };
                     let table = usize::from(matches!(what, Shown::Velocity { .. }));
                     (&motions.insert(known).1, table, *component)
@@ -497,7 +626,7 @@ impl Slave {
                         (Some(known), _) => known,
                         (None, Some(forces)) => {
                             let forces = Forces { vdot: &forces.vdot, multipliers: &forces.multipliers };
-                            (j, outputs::reaction(self.model(), &states, &forces, j, &mut watch).map_err(words)?)
+                            (j, outputs::reaction(model, &states, &forces, j, &mut watch).map_err(words)?)
                         }
                         (None, None) => return Err("there are no reactions".into()),
                     };
@@ -511,10 +640,25 @@ impl Slave {
                 Shown::Kinetic | Shown::Potential => {
                     let known = match energies.take() {
                         Some(known) => known,
-                        None => outputs::energies(self.model(), &states, &mut watch).map_err(words)?,
+                        None => outputs::energies(model, &states, &mut watch).map_err(words)?,
                     };
                     let table = usize::from(matches!(what, Shown::Potential));
                     (&*energies.insert(known), table, 0)
+                }
+                Shown::Carried { drives } => {
+                    let forces = forces.as_ref().ok_or("there are no forces")?;
+                    let rows = model.drives().iter().filter(|x| drives.contains(&x.name)).map(|x| x.row);
+                    values.push(rows.filter_map(|row| forces.multipliers.get(row)).sum());
+                    continue;
+                }
+                Shown::Count { events } | Shown::Last { events } => {
+                    let known = events.iter().map(|event| happened.get(*event).copied()).collect::<Option<Vec<_>>>();
+                    let known = known.ok_or("an output names an event that does not exist")?;
+                    values.push(match what {
+                        Shown::Count { .. } => known.iter().map(|x| x.0).sum(),
+                        _ => known.iter().fold(f64::NEG_INFINITY, |t, x| t.max(x.1)),
+                    });
+                    continue;
                 }
             };
             let value = tables.get(table).and_then(|row| row.get(i)).copied();
@@ -522,7 +666,24 @@ impl Slave {
         }
         let outputs = Some(values);
         let (inputs, slopes, courses, parameters) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Ok(State { t, q, v, inputs, slopes, courses, outputs, parameters })
+        Ok(State { t, q, v, inputs, slopes, courses, outputs, parameters, standing: None, happened: Vec::new() })
+    }
+}
+
+/// Count what happened.
+fn count(happened: &mut [(f64, f64)], new: &[Happening]) {
+    for x in new {
+        if let Some(known) = happened.get_mut(x.event) {
+            *known = (known.0 + 1.0, x.before.t);
+        }
+    }
+}
+
+/// A mechanism with the drives by which it holds at times.
+fn with_drives(model: Arc<Model>, holding: Option<&Holding>) -> Result<Arc<Model>, String> {
+    match holding {
+        None => Ok(model),
+        Some(holding) => Ok(Arc::new(model.with_more_drives(holding.drives.clone()).map_err(words)?)),
     }
 }
 
@@ -538,5 +699,6 @@ fn joint_of(model: &Model, what: &Shown) -> Result<usize, String> {
             found.ok_or_else(|| format!("an output names the joint \"{joint}\", which does not exist"))
         }
         Shown::Kinetic | Shown::Potential => Ok(0),
+        Shown::Carried { .. } | Shown::Count { .. } | Shown::Last { .. } => Ok(0),
     }
 }

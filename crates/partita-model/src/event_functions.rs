@@ -10,7 +10,7 @@ use crate::tree::{Tree, TreeScratch};
 use crate::value::Functions;
 use partita_math::spatial::{Planar, Space, Spatial};
 use partita_math::tolerance;
-use partita_system::event::{EventFunctions, MotionState};
+use partita_system::event::{Direction, Event, EventFunctions, MotionState};
 use partita_system::watched::Reading;
 use partita_system::{ConstrainedSystem, SystemError};
 use serde::Deserialize;
@@ -47,6 +47,39 @@ pub enum Formula<M = Measure> {
     Quotient(Box<[Formula<M>; 2]>),
     /// |a|
     Norm(Box<Formula<M>>),
+}
+
+/// An event, as files and the Python package write it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WrittenEvent {
+    /// Its name.
+    pub name: String,
+    /// What is zero at it.
+    pub formula: Formula,
+    /// The sign of the rate, or 0.
+    direction: i8,
+    #[serde(default)]
+    last: Option<u64>,
+    #[serde(default)]
+    most: Option<u64>,
+}
+
+impl WrittenEvent {
+    /// Without what it follows.
+    pub fn event(&self) -> Event {
+        Event {
+            name: self.name.clone(),
+            direction: match self.direction {
+                0 => Direction::Either,
+                1.. => Direction::Rising,
+                _ => Direction::Falling,
+            },
+            last: self.last,
+            most: self.most.unwrap_or(u64::MAX),
+            side: None,
+        }
+    }
 }
 
 /// With the numbers of its measures.

@@ -7,13 +7,14 @@ use crate::functions::Callables;
 use crate::outputs::{assessed, described, watched};
 use crate::run::{carried_out, reported, whole, Account, Ended, Read, Reported, RunLog, Stopping};
 use numpy::PyReadonlyArray1;
-use partita_analysis::run::segments::{in_segments, Action, Decisions, Happening, Plan, Segment, Segments, Slipping};
+use partita_analysis::run::segments::{
+    in_segments, spread, Action, Decisions, Happening, Plan, Segment, Segments, Slipping, WrittenPlan,
+};
 use partita_analysis::run::{Assessed, Balance, Described, Finding, Request, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::Observe;
 use partita_integrate::step_log::StepLog;
-use partita_model::model::Silent;
 use partita_model::Model;
 use partita_system::event::{EventFunctions, MotionState};
 use partita_system::prelude::*;
@@ -21,21 +22,7 @@ use partita_system::record::{FormulationCounters, Gaps, Output};
 use partita_system::{Size, SystemError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-use serde::Deserialize;
 use std::sync::Arc;
-
-/// What events do, as the Python package writes it.
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Written {
-    switched: Vec<String>,
-    locked: Vec<String>,
-    #[serde(default)]
-    parted: Vec<String>,
-    actions: Vec<Vec<Action>>,
-    #[serde(default)]
-    inputs: Vec<(Silent, f64)>,
-}
 
 /// Functions that decide, with the names of their events.
 pub type DecisionList = Vec<(String, Py<PyAny>)>;
@@ -102,14 +89,10 @@ impl Reported for SegmentsLog {
             let (nt, own) = (part.run.log.outputs.len(), part.rows.len());
             one.vdot.extend(found.vdot);
             for i in 0..nt {
-                let mut row = vec![0.0; size.rows];
                 let from = &found.multipliers[i * own..(i + 1) * own];
-                part.rows.iter().zip(from).for_each(|(&to, x)| row[to] = *x);
-                for x in &part.slips {
-                    let effort = x.effort(&part.whole, &part.run.log.outputs[i]);
-                    row[x.row] = effort.map_err(|e| failure::system(py, e))?;
-                }
-                one.multipliers.extend(row);
+                let rows = (&part.rows[..], size.rows);
+                let row = spread(&part.whole, rows, &part.slips, (&part.run.log.outputs[i], from));
+                one.multipliers.extend(row.map_err(|e| failure::system(py, e))?);
                 one.independent.extend_from_slice(&found.independent[i * found.k..(i + 1) * found.k]);
                 one.independent.extend((found.k..k).map(|_| f64::NAN));
             }
@@ -212,14 +195,12 @@ pub fn planned(
     events: &Events,
     (acts, decisions): (&str, DecisionList),
 ) -> PyResult<(Plan, Box<dyn EventFunctions>)> {
-    let Written { switched, locked, parted, actions, inputs } =
-        serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
+    let written: WrittenPlan = serde_json::from_str(acts).map_err(|e| failure::unexpected(format!("actions: {e}")))?;
     let observe = events.of_mechanism(model.clone()).map_err(|e| failure::description(py, &e))?;
     let (names, called) = decisions.into_iter().unzip();
     let decisions = Box::new(Deciding(names, Callables::new(called)));
     let Observe { events, functions, most } = observe;
-    let plan = Plan { model: model.clone(), switched, locked, parted, events, actions, most, inputs, decisions };
-    Ok((plan, functions))
+    Ok((written.plan(model, (events, most), decisions), functions))
 }
 
 /// Integrate a mechanism whose events act, as `run` does, and return the dictionary of results.

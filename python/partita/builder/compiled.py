@@ -91,8 +91,8 @@ class Equations:
         if found is not None:
             name, what = found
             raise DescriptionError(
-                f'force "{name}" is {what}; what it does at one state is not known, only simulate and steppers '
-                "follow it",
+                f'force "{name}" is {what}; what it does at one state is not known, only simulate, steppers '
+                "and FMUs follow it",
                 element="force",
                 name=name,
             )

@@ -23,7 +23,7 @@ import numpy as np
 from .. import _core
 from ..builder.joints import scalars, speeds
 from ..builder.parameter_units import parameter_unit
-from ..builder.records import Description, JointRecord, TorqueRecord
+from ..builder.records import Description, JointRecord, LoadRecord, TorqueRecord
 from ..builder.spec import Writer
 from ..builder.values import Constant, Function
 from ..errors import ArgumentError, DescriptionError, MissingDependencyError
@@ -159,18 +159,43 @@ def _unit(joint: JointRecord, coordinate: int, of: str) -> str:
     return units[of][slide]
 
 
-def outputs_of(d: Description, names: Iterable[str] | None) -> list[Output]:
-    """What is shown: "A.position", "A.force", ...; "A" is position and velocity of joint A, "energy" both energies."""
+Held = Mapping[str, tuple[list[int], list[str]]]
+"""Elements that hold at times and events, by name: numbers of their events, and the drives by which they hold."""
+
+
+def outputs_of(d: Description, names: Iterable[str] | None, held: Held) -> list[Output]:
+    """What is shown: "A.position", "A.force", ...; "A" is position and velocity of joint A, "energy" both energies;
+    "brake.effort", "brake.count", "brake.time" of what holds."""
     if names is None:
         names = [*(name for name, joint in d.joints.items() if _coordinates(joint)), "energy"]
+        names += [f"{name}.count" for name in held if name not in d.joints]
     found: list[Output] = []
     for name in _listed("outputs", names):
-        new = _outputs(d, name)
+        new = _of_held(d, name, held) or _outputs(d, name)
         taken = {x.name for x in found}
         if any(x.name in taken for x in new):
             raise ArgumentError(f'outputs: "{name}" appears twice', argument="outputs")
         found += new
     return found
+
+
+def _of_held(d: Description, name: str, held: Held) -> list[Output]:
+    """Of an element that holds at times, or of an event."""
+    of, _, part = name.rpartition(".")
+    if of not in held or of in d.joints or part not in ("effort", "count", "time"):
+        return []
+    events, drives = held[of]
+    if part == "effort":
+        force = d.forces.get(of)
+        if force is None or not drives:
+            raise ArgumentError(f'outputs: "{of}" carries nothing; it has .count and .time', argument="outputs")
+        means = force.arguments if isinstance(force, LoadRecord) else {}
+        joint = d.joints.get(str(means.get("joint")))
+        unit = "N" if joint is None else _unit(joint, int(means.get("coordinate") or 0), "effort")
+        return [Output(name, name, unit, f"what {of} carries", {"what": "carried", "drives": drives})]
+    words = f"how often something happened to {of}" if part == "count" else f"when something last happened to {of}"
+    unit, what = ("", "count") if part == "count" else ("s", "last")
+    return [Output(name, name, unit, words, {"what": what, "events": events})]
 
 
 def _outputs(d: Description, name: str) -> list[Output]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,23 @@ from ..builder.joints import coordinate_of, joint_record, motions, scalars
 from ..builder.measures import Along, Coordinate, Cosine, Distance, measure
 from ..builder.records import Force, Joint
 from ..builder.sensors import Reading, Sensor, known_expression
-from ..events import RATES, Event, Formula, Function, Lock, Observed, Release, SetInput, SetRates, Stop, called, listed
+from ..events import (
+    RATES,
+    Action,
+    Event,
+    Formula,
+    Function,
+    Lock,
+    Observed,
+    Release,
+    SetInput,
+    SetRates,
+    Stop,
+    called,
+    listed,
+)
 from ..events import observed as written
+from ..limits import limit
 from ..naming import index_of
 from ..numeric import real, shown
 from ..results.sensor import LiveSensors
@@ -130,6 +145,79 @@ def _input_name(action: SetInput) -> str:
 def set_by(events: Iterable[Event]) -> set[str]:
     """Names of the inputs that these events set."""
     return {_input_name(action) for event in events for action in event.then if isinstance(action, SetInput)}
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Events and elements that hold at times as plain data, for what runs without Python."""
+
+    resource: dict[str, Any]
+    names: dict[str, tuple[list[int], list[str]]]
+    """Numbers of the events of each name, and the drives by which it holds."""
+    fixed: set[str]
+    """Elements whose places are part of the data."""
+
+
+def followed(
+    mechanism: Modelled,
+    model: CompiledModel,
+    layout: Layout,
+    events: Iterable[Any] | None,
+    locked: Iterable[Any],
+    inputs: Iterable[str],
+) -> Followed | None:
+    """Events and what holds at times, without functions of Python; None where there is nothing.
+
+    Raises a `DescriptionError` that names the event that is terminal, calls a function, or parts a joint.
+    """
+    found = listed(events)
+    watched, acting = observed(mechanism, model, layout, found, locked, inputs=inputs)
+    if watched is None:
+        return None
+    for event in found:
+        element = Element("event", event.name)
+        if event.last is not None:
+            element.fail("it is terminal, but the environment of an FMU decides how long it runs")
+        if any(not isinstance(action, Action) for action in event.then):
+            element.fail("a function of Python decides what it does, which an FMU cannot call; give the actions")
+    if watched.functions:
+        called_by = next(event for event in found if _calls(mechanism, model, layout, event))
+        Element("event", called_by.name).fail(
+            "it follows a function of Python, or a sensor of accelerations or forces, which an FMU cannot evaluate; "
+            "follow a measure or a sensor of positions and rates"
+        )
+    acts: dict[str, Any] = {
+        "switched": [],
+        "locked": [],
+        "parted": [],
+        "actions": [[] for _ in watched.names],
+        "inputs": [],
+    }
+    if watched.acts is not None:
+        acts = json.loads(watched.acts)
+    for name, actions in zip(watched.names, acts["actions"], strict=True):
+        if any("part" in action for action in actions):
+            Element("event", name).fail("it parts a joint, which an FMU cannot follow; lock the joint and release it")
+    holding = acting.summary.get("holding", {})
+    names: dict[str, tuple[list[int], list[str]]] = {}
+    for i, name in enumerate(watched.names):
+        names.setdefault(name, ([], list(holding.get(name, ()))))[0].append(i)
+    resource = {
+        "events": json.loads(watched.text),
+        "drives": json.loads(watched.drives),
+        "acts": acts,
+        "most": limit("events"),
+    }
+    forces = mechanism._description.forces
+    fixed = {name for name in holding if getattr(forces.get(name), "kind", None) != "friction"}
+    return Followed(resource, names, fixed)
+
+
+def _calls(mechanism: Modelled, model: CompiledModel, layout: Layout, event: Event) -> bool:
+    """Whether an event is evaluated in Python."""
+    maker = _Maker(mechanism, model, layout, False)
+    maker.formula(event)
+    return bool(maker.functions)
 
 
 class _Actions:
@@ -268,7 +356,7 @@ class _Actions:
         element, known = Element("event", event.name), settable(self._mechanism._description)
         name = list(known)[index_of(_input_name(action), list(known), "input")]
         if name in self._taken:
-            element.fail(f'it sets "{name}", which the stepper takes at each step; give the stepper inputs= without it')
+            element.fail(f'it sets "{name}", an input that is given at each step; leave it out of inputs=')
         one = known[name]
         value = number(element, f"the value of {name}", action.value, one.unit, least=one.least)
         return [self._settable(name), value]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from ..io.fmu_description import VERSIONS
 from ..solver import Solver
 from ..state import State
 from ..units import Quantity
+from .events import followed
 from .models import Modelled, layout_of
-from .set_valued import without_holding
 from .solve import assemble, convert
 
 
@@ -38,6 +39,8 @@ def to_fmu(
     method: str = "dop853",
     solver: Solver | None = None,
     version: str = "2.0",
+    events: Iterable[Any] | None = None,
+    locked: Iterable[Any] = (),
 ) -> Path:
     """Write an FMU (co-simulation): the mechanism as a component in the simulations of other programs.
 
@@ -53,14 +56,18 @@ def to_fmu(
             end, and it moves there without jumps of position and rate.
         outputs: "A.position", "A.velocity", "A.force", "A.moment" (reaction on the child, world axes) and "A.effort"
             (of a drive) of a joint A; "A" for position and velocity; "energy.kinetic", "energy.potential", "energy" for
-            both. None: all joints and the energies. Angles of joints that close loops in space are reported within one
-            turn.
+            both. Of an element that holds at times "brake.effort", what it carries; of it and of an event
+            "brake.count", how often something happened to it, and "brake.time", when it did last. None: all joints, the
+            energies, and these counts. Angles of joints that close loops in space are reported within one turn.
         parameters: names of parameters (`m.compile().parameters`: "gravity", "BODY.mass", "JOINT.point",
             "SPRING.stiffness", ...) that each instance can set before it starts, one variable for each of their numbers
             ("gravity.x", ...). With other values the loops are closed from the initial position.
         initial: state to start from; None: the drawing, assembled, at rest.
         duration, communication_step: default values stored in the FMU [s].
         rtol, atol, method, solver: as in `simulate`; the simulation environment may set another rtol.
+        events: as in `simulate`, of measures and sensors of positions and rates, none of them terminal; what they do,
+            and what friction that sticks, latches, freewheels and rigid ends do, happens inside of steps, at its time.
+        locked: joints that are held from the start on, as in `simulate`.
         version: of FMI, "2.0" or "3.0". Both give the same numbers; by 3.0 the numbers of one quantity that have one
             unit ("A.force", "gravity") are one variable, an array.
 
@@ -90,12 +97,12 @@ def to_fmu(
     if initial is not None and not isinstance(initial, State):
         raise ArgumentError(f"initial must be a State, not {type(initial).__name__}", argument="initial")
     description, known = fmu.prepared(self._description, inputs)
-    shown = fmu.outputs_of(self._description, outputs)
     start = assemble(self) if initial is None else convert(self, initial, "relative")
     changed = Modelled(self.name, (0.0, 0.0, 0.0), self.drawing_tolerance)
     changed._description = description
-    without_holding(self, "an FMU")
     model, layout = layout_of(changed, "relative")
+    holding = followed(changed, model, layout, events, locked, [one.name for one in known])
+    shown = fmu.outputs_of(self._description, outputs, {} if holding is None else holding.names)
     q, v = start.q, start.v
     if start.names != model.names:
         q, v = model.core.transferred(layout_of(self, "relative")[0].core, start.q, start.v)
@@ -103,6 +110,11 @@ def to_fmu(
     acting = {f"{one.name if one.name in description.forces else f'input {one.name}'}.value" for one in known}
     constant = {name: value for name, value in model.parameters.items() if name not in acting}
     numbers = fmu.parameters_of(description, parameters, constant)
+    for parameter in numbers:
+        if holding is not None and (owner := str(parameter.means["name"]).rpartition(".")[0]) in holding.fixed:
+            raise ArgumentError(
+                f'parameters: "{parameter.name}" says where "{owner}" holds; it has one value', argument="parameters"
+            )
     span = run_options.positive("duration", duration)
     step = run_options.positive("communication_step", communication_step)
     options = run_options.options(
@@ -131,6 +143,8 @@ def to_fmu(
         "outputs": [dict(x.means) for x in shown],
         "parameters": [dict(x.means) for x in numbers],
     }
+    if holding is not None:
+        resource["holding"] = holding.resource
     experiment = {"startTime": start.t, "stopTime": start.t + span, "stepSize": step, "tolerance": options["rtol"]}
     variables = fmu.variables_of(known, starts, shown, numbers, version)
     fmu.archive(where, self.name, version, resource, variables, experiment)

@@ -74,8 +74,8 @@ def without_holding(mechanism: Modelled, analysis: str, state: bool = False) -> 
     for record in mechanism._description.forces.values():
         if is_set_valued(record) and not (state and record.kind == "latch"):
             raise DescriptionError(
-                f'force "{record.name}" is {_ADVICE[record.kind]}; {analysis} cannot follow it, only simulate and '
-                "steppers can",
+                f'force "{record.name}" is {_ADVICE[record.kind]}; {analysis} cannot follow it, only simulate, '
+                "steppers and FMUs can",
                 element="force",
                 name=record.name,
             )

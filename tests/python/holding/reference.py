@@ -412,7 +412,7 @@ class Reference:
             dense, happens = solver.dense_output(), None
             for x in np.linspace(solver.t_old, solver.t, 6)[1:]:
                 g = self.followed(x, dense(x), mode)
-                ended = [k for k in range(len(g)) if g[k] < -EARLY and (last[1][k] > 0.0 or k not in latches)]
+                ended = [k for k in range(len(g)) if g[k] < -EARLY and (last[1][k] > EARLY or k not in latches)]
                 if ended:
                     happens = min((self.located(dense, mode, k, last, x), k) for k in ended)
                     break

@@ -4,6 +4,7 @@
 mod follow;
 mod maker;
 mod mode;
+mod relay;
 mod settle;
 mod ticks;
 mod transition;
@@ -24,6 +25,7 @@ use serde::Deserialize;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+pub use relay::{Gone, Relay, Standing};
 pub use ticks::{MakeFunctions, Ticks};
 
 /// Changes without progress that are made at one instant. Reason: of contacts and locks each changes once or twice.
@@ -101,6 +103,27 @@ pub struct Plan {
     pub decisions: Box<dyn Decisions>,
 }
 
+/// What events do, as files and the Python package write it.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WrittenPlan {
+    switched: Vec<String>,
+    locked: Vec<String>,
+    #[serde(default)]
+    parted: Vec<String>,
+    actions: Vec<Vec<Action>>,
+    #[serde(default)]
+    inputs: Vec<(Silent, f64)>,
+}
+
+impl WrittenPlan {
+    /// That of a mechanism with all drives that may hold, of these events, of which so many may occur.
+    pub fn plan(self, model: &Arc<Model>, (events, most): (Vec<Event>, usize), decisions: Box<dyn Decisions>) -> Plan {
+        let Self { switched, locked, parted, actions, inputs } = self;
+        Plan { model: model.clone(), switched, locked, parted, events, actions, most, inputs, decisions }
+    }
+}
+
 impl Plan {
     /// The same for another mechanism with these rows; it decides nothing any more.
     fn of(&self, model: &Arc<Model>) -> Self {
@@ -112,7 +135,7 @@ impl Plan {
 }
 
 /// No decisions.
-struct Undecided;
+pub struct Undecided;
 
 impl Decisions for Undecided {
     fn decide(&self, _: usize, _: &MotionState) -> Result<Vec<Action>, SystemError> {
@@ -226,6 +249,24 @@ impl Slipping {
         let levels = model.friction_levels(self.force, at.t, (&q, &at.v))?;
         Ok(levels.map_or(0.0, |levels| -(self.signs[0] * levels[0] + self.signs[1] * levels[1])))
     }
+}
+
+/// The multipliers of the rows of a whole mechanism, so many, at an output of a segment, of those of its own rows.
+///
+/// # Errors
+/// Errors of user functions.
+pub fn spread(
+    whole: &Model,
+    (rows, count): (&[usize], usize),
+    slips: &[Slipping],
+    (at, own): (&Output, &[f64]),
+) -> Result<Vec<f64>, SystemError> {
+    let mut all = vec![0.0; count];
+    rows.iter().zip(own).for_each(|(&to, x)| all[to] = *x);
+    for x in slips {
+        all[x.row] = x.effort(whole, at)?;
+    }
+    Ok(all)
 }
 
 /// A run made of segments.

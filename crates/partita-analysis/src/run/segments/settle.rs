@@ -127,6 +127,9 @@ impl Maker {
                 for i in loaded.into_iter().chain(idle) {
                     let row = sides[i].row;
                     if after.follows(row, &all) && !after.follows(row, acting.always) {
+                        if after.growth(sides[i], &pushed.v) < -still(i) {
+                            return Err(self.at_dead_point(t, closed[i]));
+                        }
                         covered.insert(closed[i]);
                     } else if !opened(i) {
                         pressing.insert(closed[i]);
@@ -145,6 +148,15 @@ impl Maker {
                 (stays[i], sides[i].restitution) = (true, 0.0);
             }
         }
+    }
+
+    /// What a stop or a freewheel holds turns back at a singular position, which no force along it can prevent.
+    fn at_dead_point(&self, t: f64, stop: usize) -> AnalysisError {
+        refuse(format!(
+            "at t = {t} s the mechanism is in a singular position for \"{}\": what it stops is at a dead point and is turned \
+             back there, which no force along it can prevent; stop another coordinate, which moves there",
+            self.plan.events[self.stops[stop].event].name
+        ))
     }
 
     /// How the frictions act at (t, q, v), and the accelerations there. Those that move slip. Of those at rest all that do
@@ -167,6 +179,9 @@ impl Maker {
         let levels = self.frictions.iter().map(level).collect::<Result<Vec<_>, _>>()?;
         let levels: Vec<[f64; 2]> = levels.into_iter().map(Option::unwrap_or_default).collect();
         let side = |i: usize| self.frictions[i].side();
+        let strength: f64 = (0..count).map(|i| after.length(side(i).row) * levels[i][1]).sum();
+        // what is as small beside all forces and frictions is none
+        let none = |i: usize| tolerance::EQUAL * (after.strongest(side(i)) + after.length(side(i).row) * strength);
         let (mut states, decided) = self.expected((after, still), (rows, resting), before)?;
         // one that begins to slip takes along those that carry as much as they can in its sense; those in the other stick
         let frees = |states: &mut [StickSlip], from: OneSided| -> Result<(), AnalysisError> {
@@ -239,13 +254,12 @@ impl Maker {
                     over.then(|| (i, StickSlip::Slips(-sense(carried))))
                 }
                 StickSlip::Slips(sign) => {
-                    let still = tolerance::EQUAL * after.strongest(side(i));
-                    let against = f64::from(sign) * after.growth(side(i), &pushed.v) < -still;
+                    let against = f64::from(sign) * after.growth(side(i), &pushed.v) < -none(i);
                     against.then_some((i, StickSlip::Sticks))
                 }
                 StickSlip::Rests(_) => {
                     let growth = after.growth(side(i), &pushed.v);
-                    let turns = growth.abs() > tolerance::EQUAL * after.strongest(side(i));
+                    let turns = growth.abs() > none(i);
                     turns.then(|| (i, StickSlip::Slips(sense(growth))))
                 }
             });
@@ -258,10 +272,8 @@ impl Maker {
             let stopped: Vec<usize> =
                 held.iter().copied().chain(resting.iter().filter(presses).map(|x| x.row)).collect();
             // but not one that it moves past a dead point
-            let rests = |i: usize| {
-                let still = tolerance::EQUAL * after.strongest(side(i));
-                after.growth(side(i), &pushed.v).abs() <= still && after.follows(side(i).row, &stopped)
-            };
+            let rests =
+                |i: usize| after.growth(side(i), &pushed.v).abs() <= none(i) && after.follows(side(i).row, &stopped);
             let stops = (0..count).filter(|&i| !decided[i] && !turning[i]).filter_map(|i| match now[i] {
                 StickSlip::Slips(sign) if rests(i) => Some((i, StickSlip::Rests(sign))),
                 _ => None,
@@ -269,8 +281,7 @@ impl Maker {
             let stops = stops.collect();
             Ok(Judged { now, pushed, held, flip, stops })
         };
-        let strength = || (0..count).map(|i| after.length(side(i).row) * levels[i][1]).sum();
-        let done = |x: Judged| Rubbed { frictions: x.now, pushed: x.pushed, held: x.held, strength: strength() };
+        let done = |x: Judged| Rubbed { frictions: x.now, pushed: x.pushed, held: x.held, strength };
         // those that others hold at a dead point, where they are at rest for an instant alone
         let mut turning = vec![false; count];
         for _ in 0..MOST_FLIPS {
@@ -296,13 +307,13 @@ impl Maker {
             combinations = combinations.iter().flat_map(|x| one.map(|state| [&x[..], &[state]].concat())).collect();
         }
         combinations.sort_by_key(|x| x.iter().filter(|state| **state != StickSlip::Sticks).count());
-        let none = vec![false; count];
+        let still = vec![false; count];
         for combination in combinations.iter().filter(|_| open.len() <= MOST_COMBINED) {
             open.iter().zip(combination).for_each(|(&i, &state)| states[i] = state);
-            let mut found = judged(&states, &none)?;
+            let mut found = judged(&states, &still)?;
             if found.flip.is_none() && !found.stops.is_empty() {
                 found.stops.iter().for_each(|&(i, to)| states[i] = to);
-                found = judged(&states, &none)?;
+                found = judged(&states, &still)?;
             }
             if found.flip.is_none() && found.stops.is_empty() {
                 return Ok(done(found));
