@@ -57,12 +57,17 @@ def same_bits(simulate: Any, count: int = 20, **options: Any) -> tuple[Result, R
 def test_states_of_the_catalogue_are_closed_and_agree_with_outputs(name: str) -> None:
     run, model = run_of(name), entry_of(name).mechanism().compile()
     at = times_of(run, 8)
+    if run.status == "event":
+        at = at[:-1]  # the event is its last output besides
     outputs = entry_of(name).simulate(t_eval=at)
     states = run.state(at)
     # an output may make a new plan, and the steps after it other rounding errors
     q, v = rows(states)
-    assert agrees(q, outputs.q, 1e-10) and agrees(v, outputs.v, 1e-9)
-    for state, closure in zip(states, outputs.closure, strict=True):
+    here = slice(len(at))
+    assert agrees(q, outputs.q[here], 1e-10) and agrees(v, outputs.v[here], 1e-9)
+    for state, closure in zip(states, outputs.closure[here], strict=True):
+        if len(state.q) != len(model.names):
+            break  # a joint may part, so that its coordinates are others
         gap = model.constraints(state.q, t=state.t)
         turned = gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi))  # some couple whole turns
         gap = np.where(np.abs(gap) > 1.0, turned, gap)
@@ -74,7 +79,7 @@ def test_states_of_the_catalogue_are_closed_and_agree_with_outputs(name: str) ->
     first = outputs.record.arrays.log.span()[0]
     inside = at > first  # before is the step out of a singular start
     assert (t[inside] == at[inside]).all() and inside.any()
-    assert agrees(q[inside], outputs.q[inside], 1e-14) and agrees(v[inside], outputs.v[inside], 1e-13)
+    assert agrees(q[inside], outputs.q[here][inside], 1e-14) and agrees(v[inside], outputs.v[here][inside], 1e-13)
 
 
 @pytest.mark.parametrize("method", ["dop853", "dopri5", "tsit5", "bs23", "adams"])
