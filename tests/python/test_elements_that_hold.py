@@ -410,15 +410,28 @@ def test_what_is_held_wholly_at_rest_is_a_success_in_every_formulation(formulati
     assert np.abs(run.joint("A").angle).max() < 1e-7
 
 
-def test_reports_take_friction_by_a_coefficient_beside_one_that_sticks() -> None:
+def coupled_rods(stick_velocity: float) -> pt.Mechanism:
+    """Two rods, with given friction in the first hinge and friction by the reaction in the second."""
     m = pt.Mechanism("two", gravity=(0, -9.81, 0))
     first = m.add_rod("first", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
     second = m.add_rod("second", start=(1, 0, 0), end=(2, 0, 0), mass=1.0)
     m.add_revolute("A", m.ground, first, point=(0, 0, 0))
     m.add_revolute("B", first, second, point=(1, 0, 0))
-    m.add_friction("A", 3.0, name="sticks")
+    m.add_friction("A", 3.0, stick_velocity=stick_velocity, name="sticks")
     m.add_friction("B", coefficient=0.3, radius=0.2, stick_velocity=0.01, name="follows")
-    assert "2 degrees of freedom" in m.report()
+    return m
+
+
+def test_friction_by_a_coefficient_follows_what_acts_in_each_mode() -> None:
+    """Beside one that sticks, at which reactions and the balance of forces are those of the smooth law nearby."""
+    times = np.linspace(0.0, 2.0, 41)
+    run, smooth = (coupled_rods(v).simulate(2.0, rtol=1e-9, atol=1e-11, t_eval=times) for v in (0.0, 1e-4))
+    assert run.success and run.certificate.verdict == "valid"
+    assert {x.kind for x in run.events} == {"slip"}
+    assert run.q == pytest.approx(smooth.q, abs=1e-4)
+    found, known = run.force("follows").effort, smooth.force("follows").effort
+    assert np.abs(known).max() > 1.5 and found[1:] == pytest.approx(known[1:], rel=1e-3, abs=1e-3)
+    assert "2 degrees of freedom" in coupled_rods(0.0).report()
 
 
 def test_a_body_that_is_let_go_hangs_from_a_locked_free_joint() -> None:

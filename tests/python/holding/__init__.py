@@ -35,7 +35,7 @@ WRONG = ("differs", "breaks a law")
 
 
 @dataclass(frozen=True)
-class Seen:
+class Comparison:
     """What came of a case: a word, and why."""
 
     number: int
@@ -45,7 +45,7 @@ class Seen:
     events: int = 0
 
 
-def broken(found: Case, run: pt.Result, room: float) -> list[str]:
+def violations(found: Case, run: pt.Result, room: float) -> list[str]:
     """Laws that the outputs of a run break."""
     wrong: list[str] = []
     for x in found.elements:
@@ -89,14 +89,14 @@ def mechanism(found: Case, written: bool) -> pt.Mechanism:
         return pt.load(path)
 
 
-def trial(number: int) -> Seen:
+def trial(number: int) -> Comparison:
     """One case."""
     found, rtol = case(number), TOLERANCES[number % len(TOLERANCES)]
     times = sorted({*np.linspace(0.0, DURATION, OUTPUTS).tolist(), *INSIDE})
     outputs = [t for t in times if t not in INSIDE]
 
-    def seen(word: str, why: Any = "", events: int = 0) -> Seen:
-        return Seen(number, found.kind, word, str(why)[:240], events)
+    def seen(word: str, why: Any = "", events: int = 0) -> Comparison:
+        return Comparison(number, found.kind, word, str(why)[:240], events)
 
     plain = found.build()
     m = mechanism(found, found.writable and number % 2 == 1)
@@ -107,7 +107,7 @@ def trial(number: int) -> Seen:
     except PartitaError as error:
         return seen("refused", f"{type(error).__name__}: {error}")
     count = len(run.events)
-    if wrong := broken(found, run, max(1e-7, rtol)):
+    if wrong := violations(found, run, max(1e-7, rtol)):
         return seen("breaks a law" if run.success else "ended", f"{wrong}; {run.message}", count)
     reference = Reference(plain, found.elements, found.actions)
     state = found.start(plain, "relative")

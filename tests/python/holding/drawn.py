@@ -132,7 +132,7 @@ def chain(draw: Draw, count: int, in_space: bool) -> Drawing:
         inertia = tuple(0.12 + 0.2 * draw.uniform(0.02, 0.2, 3))
         body = m.add_body(f"b{i}", mass=draw.uniform(0.5, 2), inertia=inertia, position=tuple(x + 0.5 * d))
         kinds = ["revolute", "revolute", "prismatic", "cylindrical", "universal"]
-        kind, name = draw.choice(kinds if in_space else ["revolute"] * 3 + ["prismatic"]), f"J{i}"
+        kind, name = draw.choice(kinds if in_space else ["revolute"] * 3 + ["prismatic", "planar"]), f"J{i}"
         if kind == "revolute":
             axis = tuple(draw.normal(size=3)) if in_space else (0, 0, 1)
             m.add_revolute(name, parent, body, point=tuple(x), axis=axis)
@@ -140,6 +140,9 @@ def chain(draw: Draw, count: int, in_space: bool) -> Drawing:
         elif kind == "prismatic":
             m.add_prismatic(name, parent, body, point=tuple(x), axis=tuple(d))
             along.append(((name, 0), False))
+        elif kind == "planar":
+            m.add_planar(name, parent, body, point=tuple(x))
+            along += [((name, 0), False), ((name, 1), False), ((name, 2), True)]
         elif kind == "cylindrical":
             m.add_cylindrical(name, parent, body, point=tuple(x), axis=tuple(draw.normal(size=3)))
             along += [((name, 0), False), ((name, 1), True)]

@@ -217,7 +217,7 @@ class Reference:
                 found.append(at - x.lower if x.lower is not None and state >= 0 else 1.0)
         return np.array(found)
 
-    def places(self) -> list[int]:
+    def indices(self) -> list[int]:
         """The element of each number that is followed, after the first one."""
         return [i for i, x in enumerate(self.elements) for _ in range(2 if x.kind == "stop" else 1)]
 
@@ -402,7 +402,7 @@ class Reference:
         self, t: float, y: Array, mode: Mode, goal: float, times: Sequence[float], found: dict[float, Array]
     ) -> tuple[float, Array, Mode]:
         """On to the next instant at which something changes, or to `goal`."""
-        latches = [1 + k for k, i in enumerate(self.places()) if self.elements[i].kind == "latch"]
+        latches = [1 + k for k, i in enumerate(self.indices()) if self.elements[i].kind == "latch"]
         last = (t, self.followed(t, y, mode))
         solver = DOP853(lambda x, y: self.slope(x, y, mode), t, y, goal, rtol=1e-9, atol=1e-11, max_step=0.02)
         while solver.status == "running":
@@ -463,14 +463,14 @@ class Reference:
                 h *= 3.0
             t, y = t + h, np.array(dense(t + h))
         else:
-            i = self.places()[k - 1]
+            i = self.indices()[k - 1]
             x = self.elements[i]
             if x.kind == "friction":
                 rests = i
             elif x.kind == "latch":
                 new.locked.add(x.along)
             elif x.kind == "stop":
-                is_upper = self.places().index(i) == k - 1
+                is_upper = self.indices().index(i) == k - 1
                 bound = x.upper if is_upper else x.lower
                 assert bound is not None
                 y[2 * self.n + self.coordinates.index(x.along)] = bound

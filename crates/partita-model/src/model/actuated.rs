@@ -146,7 +146,13 @@ impl Model {
         made.permanent = self.permanent.clone();
         let displacements: Vec<_> = made.structure.rows.iter().map(|row| row.displacement).collect();
         let own = Following::new(&made.own, &made.spec, (&made.structure.pattern, &displacements))?;
-        made.own.following = own.map(|own| Arc::new(Elsewhere::new(own, of.clone())) as Arc<dyn Follow<f64>>);
+        let of = of.clone();
+        let normal = move |t: f64, q: &[f64], v: &[f64]| {
+            let mut scratch = of.scratch();
+            of.own.reaction_friction_at(t, q, v, scratch.equations())?;
+            Ok(scratch.equations().full_forces.normal_forces.clone())
+        };
+        made.own.following = own.map(|own| Arc::new(Elsewhere::new(own, Arc::new(normal))) as Arc<dyn Follow<f64>>);
         Ok(made)
     }
 

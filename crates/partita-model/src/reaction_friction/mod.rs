@@ -17,14 +17,12 @@ use crate::error::DescriptionError;
 use crate::evaluator::{Engine, Evaluator, Follow, Scratch};
 use crate::force::{Bearing, Element, Friction, Load, LoadLaw};
 use crate::joint::Motion;
-use crate::model::Model;
 use crate::planarity::needs_space;
 use crate::spec::{Force, Spec};
 use crate::zero_position::{Placed, PlacedJoint};
 use partita_math::elimination::Pattern;
 use partita_math::spatial::{Space, Vec3};
 use partita_math::tolerance;
-use partita_system::system::Levels;
 use partita_system::SystemError;
 use std::sync::Arc;
 
@@ -130,17 +128,20 @@ impl Following {
     }
 }
 
+/// The normal forces of frictions at (t, q, v).
+pub(crate) type NormalForces = dyn Fn(f64, &[f64], &[f64]) -> Result<Vec<f64>, SystemError> + Send + Sync;
+
 /// Those of a mechanism whose reactions are those of another one in the same coordinates, with other rows and forces.
 pub(crate) struct Elsewhere {
     /// Of the mechanism.
     own: Following,
-    /// Where the reactions are.
-    of: Arc<Model>,
+    /// By the other one.
+    normal: Arc<NormalForces>,
 }
 
 impl Elsewhere {
-    pub(crate) fn new(own: Following, of: Arc<Model>) -> Self {
-        Self { own, of }
+    pub(crate) fn new(own: Following, normal: Arc<NormalForces>) -> Self {
+        Self { own, normal }
     }
 }
 
@@ -155,16 +156,14 @@ impl Follow<f64> for Elsewhere {
         (t, q, v): (f64, &[f64], &[f64]),
         s: &mut Scratch<f64>,
     ) -> Result<(), SystemError> {
-        let mut other = self.of.scratch();
-        self.of.equations().reaction_friction_at(t, q, v, other.equations())?;
-        let normal = &other.equations().full_forces.normal_forces;
+        let normal = (self.normal)(t, q, v)?;
         let at = model.instant(t, q, v);
         match (&model.engine, &mut s.planar) {
             (Engine::Planar(tree), Some(x)) => {
-                self.own.add_given(tree, &at, x, &mut s.planar_forces, normal);
-                s.full_forces.normal_forces.clone_from(normal);
+                self.own.add_given(tree, &at, x, &mut s.planar_forces, &normal);
+                s.full_forces.normal_forces = normal;
             }
-            _ => self.own.add_given(&model.full, &at, &mut s.full, &mut s.full_forces, normal),
+            _ => self.own.add_given(&model.full, &at, &mut s.full, &mut s.full_forces, &normal),
         }
         Ok(())
     }
