@@ -397,7 +397,6 @@ def test_what_sticks_is_refused_where_only_a_run_can_follow_it() -> None:
         "linearize": lambda: m.linearize(),
         "inverse_dynamics": lambda: m.inverse_dynamics((np.linspace(0, 1, 5), {"O": np.linspace(-0.5, -0.4, 5)})),
         "C source": lambda: m.export_c("rub.c"),
-        "an FMU": lambda: m.to_fmu("rub.fmu"),
         "a playground": lambda: m.to_playground("rub.html"),
         "simulate": lambda: model.at(state.q, state.v),
         "state": lambda: model.acceleration(state.q, state.v),
