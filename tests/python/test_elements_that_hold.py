@@ -443,3 +443,38 @@ def test_a_body_that_is_let_go_hangs_from_a_locked_free_joint() -> None:
     assert run.body("body").position[-1] == pytest.approx([0.0, -0.5 * 9.81 * 0.25, 0.0], abs=1e-9)
     held = run.t < 0.49
     assert run.joint("hangs").force[held] == pytest.approx(np.tile([0.0, 9.81, 0.0], (held.sum(), 1)), abs=1e-9)
+
+
+@COORDINATES
+def test_a_stop_and_a_freewheel_that_oppose_each_other_carry_in_turn(coordinates: str) -> None:
+    """Friction first, up to what it can; then the one that is in the way of the torque, without chattering."""
+    m = wheel()
+    m.add_torque("push", "A", lambda t, state: 3.0 * np.sin(5.0 * t))
+    m.add_stop("A", lower=0.0, restitution=0.9, name="end")
+    m.add_freewheel("A", free=-1, name="pawl")
+    m.add_friction("A", 1.0, name="rub")
+    start = m.assemble(coordinates=coordinates)
+    run = m.simulate(3.0, initial=start, coordinates=coordinates)
+    assert run.success and len(run.events) < 20, run.message
+    assert np.abs(run.joint("A").velocity).max() < 1e-9 and np.abs(run.joint("A").position).max() < 1e-9
+    torque, (end, pawl, rub) = 3.0 * np.sin(5.0 * run.t), (run.force(name).effort for name in ("end", "pawl", "rub"))
+    assert end + pawl + rub == pytest.approx(-torque, abs=1e-9)
+    assert end.min() > -1e-9 and pawl.max() < 1e-9 and np.abs(rub).max() < 1.0 + 1e-9
+    assert end.max() > 1.5 and pawl.min() < -1.5
+
+
+@COORDINATES
+def test_a_freewheel_that_a_dead_centre_turns_back_ends_the_run(coordinates: str) -> None:
+    """No force along the slide can stop the crank there, so that nothing holds what must not go back."""
+    m, free = drawn_out(gravity=0.0), drawn_out(gravity=0.0)
+    m.add_freewheel("S", free=1, name="pawl")
+
+    def moved(one: pt.Mechanism) -> pt.Result:
+        start = one.assemble({"O": -0.5}, rates={"O": 4.0}, coordinates=coordinates)
+        return one.simulate(0.4, initial=start, coordinates=coordinates)
+
+    run, freely = moved(m), moved(free)
+    back = int(np.argmax(freely.joint("S").velocity[:, 0] < 0.0))
+    assert not run.success and "singular" in run.message
+    assert run.t[-1] == pytest.approx(freely.t[back], abs=0.005)
+    assert run.joint("S").velocity.min() > -1e-6
