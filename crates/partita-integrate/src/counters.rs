@@ -24,6 +24,8 @@ pub struct Counters {
     pub jacobians: u64,
     /// Of these, those that are differences.
     pub differenced: u64,
+    /// Linearisations made only for dense output; not contained in `jacobians`.
+    pub dense_jacobians: u64,
     /// Matrices of Newton's method that were factored.
     pub factored: u64,
 }
@@ -42,6 +44,7 @@ impl std::ops::Add for Counters {
             dense_evaluations: self.dense_evaluations + other.dense_evaluations,
             jacobians: self.jacobians + other.jacobians,
             differenced: self.differenced + other.differenced,
+            dense_jacobians: self.dense_jacobians + other.dense_jacobians,
             factored: self.factored + other.factored,
         }
     }

@@ -316,11 +316,17 @@ impl Radau {
     /// A linearisation was made: of the step, or of half of it.
     fn count_linearisation(&mut self, half: bool) {
         let linear = if half { &self.half.linear } else { &self.solver.linear };
-        self.counters.jacobians += 1;
-        self.counters.differenced += u64::from(linear.derivatives == Derivatives::Differences);
+        let differenced = u64::from(linear.derivatives == Derivatives::Differences);
         match half {
-            true => self.counters.dense_evaluations += linear.evaluations,
-            false => self.counters.evaluations += linear.evaluations,
+            true => {
+                self.counters.dense_jacobians += 1;
+                self.counters.dense_evaluations += linear.evaluations;
+            }
+            false => {
+                self.counters.jacobians += 1;
+                self.counters.differenced += differenced;
+                self.counters.evaluations += linear.evaluations;
+            }
         }
     }
 
@@ -440,7 +446,6 @@ impl Radau {
         self.half.predict(&self.solver.z, NODES.c.map(|c| 0.5 * c), 0.0);
         self.set_tolerances(true);
         let made = self.half.factor(h);
-        self.counters.factored += 1;
         if made.is_ok() {
             let task = Task { t, y: &self.y_old, h, end: t + h, tolerances: &self.tolerances };
             // where rounding allows no better, what was found last serves

@@ -22,6 +22,12 @@ const LIMITED: f64 = 2.0;
 /// much as explicit ones, so that less gains nothing.
 const STIFF: f64 = 30.0;
 
+/// Steps within which the motion changes less are not limited by it. Scale: multiples of the reciprocal of its rate. Reason:
+/// the tightest tolerances need a quarter.
+const CRAWLING: f64 = 0.02;
+/// They are by what is stiff if that changes at least as much. Scale: as `LIMITED`. Reason: a twentieth of it; first steps are
+/// shorter for want of knowledge.
+const CRAWLING_BESIDE: f64 = 0.1;
 /// An explicit step is far from that limit below this. Scale: as `LIMITED`. Reason: a quarter of it.
 const FAR: f64 = 0.5;
 /// An explicit step would be stable below this. Scale: as `LIMITED`. Reason: three quarters of it, so that methods do not change
@@ -86,9 +92,11 @@ impl Stiffness {
         (fastest.is_finite() && motion.is_finite()).then_some(Self { fastest, motion })
     }
 
-    /// Whether it, not the motion, limits explicit steps of length h.
+    /// Whether it, not the motion, limits explicit steps of length h: by stability, or because its rounding hides the errors.
     pub(crate) fn limits(&self, h: f64) -> bool {
-        h.abs() * self.fastest > LIMITED && self.fastest > STIFF * self.motion
+        let h = h.abs();
+        let crawls = h * self.motion < CRAWLING && h * self.fastest > CRAWLING_BESIDE;
+        self.fastest > STIFF * self.motion && (h * self.fastest > LIMITED || crawls)
     }
 
     /// Whether explicit steps of length h come nowhere near.

@@ -245,6 +245,7 @@ impl StepControl for Switching {
         if rest > 0 {
             notes.push(format!("the method changes {rest} times more"));
         }
+        notes.extend(self.implicit.notes());
         notes
     }
 }

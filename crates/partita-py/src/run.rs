@@ -306,6 +306,7 @@ impl Account {
             (intern!(py, "dense_evaluations"), c.dense_evaluations),
             (intern!(py, "jacobians"), c.jacobians),
             (intern!(py, "differenced_jacobians"), c.differenced),
+            (intern!(py, "dense_jacobians"), c.dense_jacobians),
             (intern!(py, "factored_jacobians"), c.factored),
             (intern!(py, "factorisations"), f.factorisations),
             (intern!(py, "plans"), f.plans),

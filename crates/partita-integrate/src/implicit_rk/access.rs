@@ -26,6 +26,18 @@ impl StepControl for Radau {
         &self.counters
     }
 
+    fn notes(&self) -> Vec<String> {
+        let differenced = self.counters.differenced;
+        let note = || {
+            format!(
+                "{differenced} of {} matrices of Newton's method are differences: functions of the user's, or the \
+                 formulation, have no derivatives",
+                self.counters.jacobians
+            )
+        };
+        (differenced > 0).then(note).into_iter().collect()
+    }
+
     fn plan(&mut self, plan: &StepPlan) {
         (self.at.step, self.at.goal, self.at.corner_ahead) = (plan.length.abs(), plan.goal, false);
     }
