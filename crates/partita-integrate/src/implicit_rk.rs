@@ -47,6 +47,9 @@ const THIRD_OF_ESTIMATE: f64 = 10.0;
 /// and number. Reason: three digits in three iterations; where the stiffest directions turn by δ in a step, what is soft gets
 /// a share δ² K h² of their forces.
 const AIMED_RATE: (f64, f64) = (0.1, 4.0);
+/// The least part of the estimate that counts. Unit: factor. Reason: what is stiff keeps an order between, and an estimate of
+/// one component by the ratio of others is trusted to three digits.
+const LEAST_PART: f64 = 1e-3;
 /// The shortest error that is remembered. Scale: multiples of the tolerance. Reason: a lucky step must not forbid the next one.
 const LEAST_REMEMBERED: f64 = 1e-2;
 
@@ -384,7 +387,7 @@ impl Radau {
             Ok(()) | Err((_, RhsError::Retry(_))) => {}
         }
         let ratio = THIRD_OF_ESTIMATE * error / slower;
-        Ok(if ratio < 1.0 { (error * ratio * ratio, 6.0) } else { (error, 4.0) })
+        Ok(if ratio < 1.0 { (error * (ratio * ratio).max(LEAST_PART), 6.0) } else { (error, 4.0) })
     }
 
     /// A component that makes the step unusable.

@@ -44,7 +44,7 @@ class Mesh(Shape):
     >>> corners, faces = ["0 0 0", "30 0 0", "0 20 0", "0 0 10"], ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]    # tetrahedron
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     file = Path(folder, "part.obj")
-    ...     size = file.write_text("\n".join([f"v {x}" for x in corners] + [f"f {x}" for x in faces]))
+    ...     size = file.write_text("".join([f"v {x}{chr(10)}" for x in corners] + [f"f {x}{chr(10)}" for x in faces]))
     ...     part = pt.shapes.Mesh(file, scale="1 mm")
     >>> print(f"{part.volume * 1e9:.9f} mm^3")
     1000.000000000 mm^3
