@@ -729,8 +729,8 @@ FORMULAS = (
         "stage-time",
         "stages are evaluated at the time at which their step begins",
         f"{INTEGRATE}/explicit_rk.rs",
-        "let t = if c[i] == 1.0 { t_new } else { self.t_old + c[i] * h };",
-        "let t = if c[i] == 1.0 { t_new } else { self.t_old };",
+        "let t = if c[i] == 1.0 { t_new } else { self.at.t_old + c[i] * h };",
+        "let t = if c[i] == 1.0 { t_new } else { self.at.t_old };",
         ("marching convergence",),
     ),
     Error(

@@ -335,8 +335,11 @@ def test_site_is_put_together(
     in_sidebar = {page for pages in outline.PARTS.values() for page in pages}
     assert in_sidebar <= written and in_sidebar <= set(listed)
     decisions = {page for page in written if page.startswith("decisions/0")}
-    assert written == {"index"} | in_sidebar | decisions | {f"gallery/{name}" for name in shown}
+    # of each page of the reference those of its names, listed there
+    named = {page for page in written if page.startswith("reference/") and page.count("/") == 2}
+    assert written == {"index"} | in_sidebar | decisions | named | {f"gallery/{name}" for name in shown}
     assert {page.rpartition("/")[2] for page in decisions} | set(shown) <= set(listed)
+    assert all(any(page.endswith(entry) for entry in listed) for page in named)
     for page in tmp_path.rglob("*.md"):
         for link in LINK.findall(text_of(page)):
             assert (page.parent / link).exists(), (page.name, link)
