@@ -101,7 +101,8 @@ test-python: $(BUILT) $(FMU)
 ## trust: N=5000 mechanisms of every element, couplings, sensors, files and FMUs drawn by chance against independent programs; as many everyday drawings, and what must not matter to them; RUNS=2000 keep their branch; verdicts; kinks; runs of segments by brute force; contacts; chains; platforms; misdrawn loops beside couplings; the zoo and its linearised equations; in full what `make test` looks at in part
 N ?= 5000
 RUNS ?= 2000
-trust: $(BUILT)
+trust: $(BUILT) $(WEB)
+	$(BIN)/python -m pytest -q tests/python/test_static_page.py
 	PYTHONPATH=tests/python $(BIN)/python -m oracle $(N)
 	PYTHONPATH=tests/python $(BIN)/python -m everyday $(N)
 	PYTHONPATH=tests/python $(BIN)/python -m branches $(RUNS)

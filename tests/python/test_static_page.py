@@ -28,7 +28,7 @@ AGREES = 1e-12
 pytestmark = [
     pytest.mark.skipif(PROGRAM is None, reason="there is no Chromium to draw in"),
     pytest.mark.skipif(
-        not MODULE.is_file(), reason="the core was not built for pages: Rust has no target wasm32-unknown-unknown here"
+        not MODULE.is_file(), reason="the core is built for pages by `make web`, for `make docs` and `make trust`"
     ),
 ]
 
