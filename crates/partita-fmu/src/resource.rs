@@ -47,7 +47,7 @@ pub struct Holding {
     /// The drives by which they act.
     pub drives: Vec<Drive>,
     /// What they do.
-    pub acts: WrittenPlan,
+    pub plan: WrittenPlan,
     /// How many may occur in a step.
     pub most: usize,
 }

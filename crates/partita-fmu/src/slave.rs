@@ -6,7 +6,7 @@ use crate::serial;
 use partita_analysis::error::AnalysisError;
 use partita_analysis::outputs::{self, Forces, States};
 use partita_analysis::poses::{self, Ask};
-use partita_analysis::run::segments::{spread, Gone, Happening, Relay, Segment, Standing, Undecided};
+use partita_analysis::run::segments::{spread, Gone, Happening, ModeState, Relay, Segment, Undecided};
 use partita_analysis::run::{self, Request, Run};
 use partita_integrate::simulate::Status;
 use partita_math::tolerance;
@@ -38,7 +38,7 @@ pub struct State {
     /// Values of the parameters.
     parameters: Vec<f64>,
     /// How what holds at times stands; `None` before the start.
-    standing: Option<Standing>,
+    mode_state: Option<ModeState>,
     /// How often something happened to each event, and when for the last time.
     happened: Vec<(f64, f64)>,
 }
@@ -144,7 +144,7 @@ impl Slave {
         let (t, q, v, parameters) = (start.t, start.q, start.v, built.clone());
         let events = resource.holding.as_ref().map_or(0, |x| x.events.len());
         let happened = vec![(0.0, t); events];
-        let first = State { t, q, v, inputs, slopes, courses, outputs: None, parameters, standing: None, happened };
+        let first = State { t, q, v, inputs, slopes, courses, outputs: None, parameters, mode_state: None, happened };
         Ok(Self {
             guid: resource.guid,
             drawn: model,
@@ -230,8 +230,8 @@ impl Slave {
         let (outputs, known) =
             (state.outputs.clone().unwrap_or_default(), f64::from(u8::from(state.outputs.is_some())));
         let alone = [state.t, f64::from(phase), known];
-        let standing = state.standing.as_ref().zip(self.relay.as_ref());
-        let standing = standing.map(|(standing, relay)| relay.numbers(standing)).unwrap_or_default();
+        let mode_state = state.mode_state.as_ref().zip(self.relay.as_ref());
+        let mode_state = mode_state.map(|(mode_state, relay)| relay.numbers(mode_state)).unwrap_or_default();
         let happened: Vec<f64> = state.happened.iter().flat_map(|x| [x.0, x.1]).collect();
         let lists: [&[f64]; 10] = [
             &alone,
@@ -242,7 +242,7 @@ impl Slave {
             &courses,
             &outputs,
             &state.parameters,
-            &standing,
+            &mode_state,
             &happened,
         ];
         serial::bytes(&self.guid, &lists)
@@ -252,7 +252,7 @@ impl Slave {
     pub fn state_of(&mut self, bytes: &[u8]) -> Result<(State, u8), String> {
         let wrong = || "these bytes are not a state of this model".to_string();
         let lists = serial::lists(&self.guid, bytes).ok_or_else(wrong)?;
-        let [alone, q, v, inputs, slopes, courses, outputs, parameters, standing, happened]: [Vec<f64>; 10] =
+        let [alone, q, v, inputs, slopes, courses, outputs, parameters, mode_state, happened]: [Vec<f64>; 10] =
             lists.try_into().map_err(|_| wrong())?;
         let [t, phase, known]: [f64; 3] = alone.try_into().map_err(|_| wrong())?;
         let courses = courses.chunks(Course::NUMBERS).map(Course::from_numbers).collect::<Option<Vec<_>>>();
@@ -263,15 +263,15 @@ impl Slave {
         let outputs = (known != 0.0).then_some(outputs);
         let happened: Vec<(f64, f64)> =
             happened.chunks(2).map(|x| (x[0], x.get(1).copied().unwrap_or_default())).collect();
-        let standing = match standing.is_empty() {
+        let mode_state = match mode_state.is_empty() {
             true => None,
             false => {
                 let relay = self.relay()?.ok_or_else(wrong)?;
-                Some(relay.from_numbers(&standing).ok_or_else(wrong)?)
+                Some(relay.from_numbers(&mode_state).ok_or_else(wrong)?)
             }
         };
         let fits = happened.len() == self.first.happened.len();
-        let state = State { t, q, v, inputs, slopes, courses, outputs, parameters, standing, happened };
+        let state = State { t, q, v, inputs, slopes, courses, outputs, parameters, mode_state, happened };
         let fits = fits && state.outputs.as_ref().is_none_or(|x| x.len() == self.shown.len());
         match sizes(&state).eq(sizes(&self.first)) && fits {
             true => Ok((state, phase as u8)),
@@ -289,7 +289,7 @@ impl Slave {
         }
         self.options.rtol = rtol.unwrap_or(self.rtol);
         let mut state = self.state.clone();
-        (state.t, state.standing) = (t, None);
+        (state.t, state.mode_state) = (t, None);
         state.happened.iter_mut().for_each(|x| *x = (0.0, t));
         for course in &mut state.courses {
             *course = course.from(t);
@@ -494,7 +494,7 @@ impl Slave {
         };
         self.state.outputs = state.outputs;
         if self.holding.is_some() {
-            (self.state.standing, self.state.happened, self.state.v) = (state.standing, state.happened, state.v);
+            (self.state.mode_state, self.state.happened, self.state.v) = (state.mode_state, state.happened, state.v);
         }
         Ok(())
     }
@@ -507,7 +507,7 @@ impl Slave {
             let request = Request { t0: now, t_end: now + 1.0_f64.max(now.abs()), ..self.options.clone() };
             let model = self.model().clone();
             let events = holding.events.iter().map(|x| x.event()).collect();
-            let plan = holding.acts.plan(&model, (events, holding.most), Box::new(Undecided));
+            let plan = holding.plan.plan(&model, (events, holding.most), Box::new(Undecided));
             let formulas: Vec<_> = holding.events.into_iter().map(|x| (x.name, x.formula)).collect();
             let calls = Arc::new(self.cell.clone());
             let functions = Box::new(move || {
@@ -522,24 +522,24 @@ impl Slave {
 
     /// As `marched`, where something holds at times: to the end, or with the outputs at the start.
     fn followed(&mut self, now: f64, end: f64, at_once: bool) -> Result<(State, Vec<String>), String> {
-        if self.state.standing.is_none() {
+        if self.state.mode_state.is_none() {
             self.relay = None; // it begins here
         }
         let (mut state, options) = (self.state.clone(), Request { t0: now, t_end: end, ..self.options.clone() });
         let relay = self.relay()?.ok_or("nothing holds here")?;
-        let standing = match &state.standing {
-            Some(standing) => standing.clone(),
+        let mode_state = match &state.mode_state {
+            Some(mode_state) => mode_state.clone(),
             None => {
-                let (standing, v, happenings) = relay.started();
+                let (mode_state, v, happenings) = relay.started();
                 state.v = v.to_vec();
                 count(&mut state.happened, happenings);
-                standing
+                mode_state
             }
         };
         let t_eval = [if at_once { now } else { end }];
         let mut watch = |_: f64| if at_once { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-        let gone = relay.go_on(&standing, (&state.q, &state.v), &options, &t_eval, &mut watch).map_err(words)?;
-        let Gone { segments, happenings, standing: after } = gone;
+        let gone = relay.go_on(&mode_state, (&state.q, &state.v), &options, &t_eval, &mut watch).map_err(words)?;
+        let Gone { segments, happenings, mode_state: after } = gone;
         let last = segments.last().ok_or("the step has no segment")?;
         let found = &last.run.outcome;
         let ends = [Status::Finished, Status::Invalid, Status::Event];
@@ -554,11 +554,11 @@ impl Slave {
         if !at_once {
             count(&mut state.happened, &happenings);
         }
-        state.standing = Some(if at_once { standing } else { after });
+        state.mode_state = Some(if at_once { mode_state } else { after });
         let at = segments.iter().rev().find(|x| !x.run.log.outputs.is_empty()).ok_or("the run has no output")?;
-        let (happened, standing) = (state.happened, state.standing);
+        let (happened, mode_state) = (state.happened, state.mode_state);
         let mut shown = self.shown(&at.run, Some(at), &happened)?;
-        (shown.happened, shown.standing) = (happened, standing);
+        (shown.happened, shown.mode_state) = (happened, mode_state);
         Ok((shown, doubts))
     }
 
@@ -666,7 +666,7 @@ impl Slave {
         }
         let outputs = Some(values);
         let (inputs, slopes, courses, parameters) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Ok(State { t, q, v, inputs, slopes, courses, outputs, parameters, standing: None, happened: Vec::new() })
+        Ok(State { t, q, v, inputs, slopes, courses, outputs, parameters, mode_state: None, happened: Vec::new() })
     }
 }
 

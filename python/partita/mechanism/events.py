@@ -186,7 +186,7 @@ def followed(
             "it follows a function of Python, or a sensor of accelerations or forces, which an FMU cannot evaluate; "
             "follow a measure or a sensor of positions and rates"
         )
-    acts: dict[str, Any] = {
+    plan: dict[str, Any] = {
         "switched": [],
         "locked": [],
         "parted": [],
@@ -194,8 +194,8 @@ def followed(
         "inputs": [],
     }
     if watched.acts is not None:
-        acts = json.loads(watched.acts)
-    for name, actions in zip(watched.names, acts["actions"], strict=True):
+        plan = json.loads(watched.acts)
+    for name, actions in zip(watched.names, plan["actions"], strict=True):
         if any("part" in action for action in actions):
             Element("event", name).fail("it parts a joint, which an FMU cannot follow; lock the joint and release it")
     holding = acting.summary.get("holding", {})
@@ -205,7 +205,7 @@ def followed(
     resource = {
         "events": json.loads(watched.text),
         "drives": json.loads(watched.drives),
-        "acts": acts,
+        "plan": plan,
         "most": limit("events"),
     }
     forces = mechanism._description.forces

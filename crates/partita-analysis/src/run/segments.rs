@@ -25,7 +25,7 @@ use serde::Deserialize;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-pub use relay::{Gone, Relay, Standing};
+pub use relay::{Gone, ModeState, Relay};
 pub use ticks::{MakeFunctions, Ticks};
 
 /// Changes without progress that are made at one instant. Reason: of contacts and locks each changes once or twice.

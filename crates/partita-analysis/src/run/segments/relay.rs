@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 /// How a motion stands between two runs: which rows act, and how often each event has happened.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Standing {
+pub struct ModeState {
     mode: Mode,
     count: Vec<u64>,
 }
@@ -24,7 +24,7 @@ pub struct Gone {
     /// What happened.
     pub happenings: Vec<Happening>,
     /// How the motion stands at its end.
-    pub standing: Standing,
+    pub mode_state: ModeState,
 }
 
 /// What makes them; the models of modes are kept.
@@ -56,12 +56,12 @@ impl Relay {
     }
 
     /// How the motion stands where it starts, its velocities there, as what is closed closes, and what happened.
-    pub fn started(&self) -> (Standing, &[f64], &[Happening]) {
-        (self.standing(), &self.state.now.v, &self.first)
+    pub fn started(&self) -> (ModeState, &[f64], &[Happening]) {
+        (self.mode_state(), &self.state.now.v, &self.first)
     }
 
-    fn standing(&self) -> Standing {
-        Standing { mode: self.state.mode.clone(), count: self.state.maker.count.clone() }
+    fn mode_state(&self) -> ModeState {
+        ModeState { mode: self.state.mode.clone(), count: self.state.maker.count.clone() }
     }
 
     /// On from a state to the end of the request, with outputs at these times.
@@ -70,7 +70,7 @@ impl Relay {
     /// Where it cannot begin.
     pub fn go_on(
         &mut self,
-        from: &Standing,
+        from: &ModeState,
         (q, v): (&[f64], &[f64]),
         request: &Request,
         t_eval: &[f64],
@@ -91,11 +91,11 @@ impl Relay {
         let segments = state.go_on(request, t_eval, watch)?.into_iter().map(|x| x.1).collect();
         self.ended = request.t_end;
         let happenings = std::mem::take(&mut self.state.maker.happenings);
-        Ok(Gone { segments, happenings, standing: self.standing() })
+        Ok(Gone { segments, happenings, mode_state: self.mode_state() })
     }
 
     /// How a motion stands, as numbers.
-    pub fn numbers(&self, of: &Standing) -> Vec<f64> {
+    pub fn numbers(&self, of: &ModeState) -> Vec<f64> {
         let Mode { locked, pressing, covered, frictions, whole } = &of.mode;
         let mut found: Vec<f64> = of.count.iter().map(|x| *x as f64).collect();
         found.extend(self.plan.switched.iter().map(|name| f64::from(u8::from(locked.contains(name)))));
@@ -114,7 +114,7 @@ impl Relay {
     }
 
     /// How a motion stands, of its numbers; none of any others. Joints that are apart have none.
-    pub fn from_numbers(&self, numbers: &[f64]) -> Option<Standing> {
+    pub fn from_numbers(&self, numbers: &[f64]) -> Option<ModeState> {
         let sizes = [self.plan.events.len(), self.plan.switched.len(), self.state.maker.stops.len()];
         let (frictions, inputs) = (self.state.maker.frictions.len(), self.plan.inputs.len());
         if numbers.len() != sizes.iter().sum::<usize>() + frictions + 2 * inputs {
@@ -146,6 +146,6 @@ impl Relay {
             .collect();
         let mode = Mode { locked, pressing: of(1), covered: of(2), frictions, ..Mode::default() };
         let whole = super::mode::Whole { inputs: set, ..Default::default() };
-        Some(Standing { mode: Mode { whole, ..mode }, count })
+        Some(ModeState { mode: Mode { whole, ..mode }, count })
     }
 }
