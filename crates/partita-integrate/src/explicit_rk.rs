@@ -16,11 +16,10 @@ use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
 use crate::placement::Placement;
-use crate::rounding::{SlopeRounding, PAIRS, SIDES};
-use crate::step_size::{controller, ErrorNorm, StepController, FIRST_ROUNDINGS};
+use crate::rounding::SlopeRounding;
+use crate::step_size::{controller, first_step, ErrorNorm, StepController};
 use crate::stepper::{Conclusion, StepEnd, Stepper};
 use crate::tableau::{ErrorWeights, Tableau};
-use partita_math::tolerance;
 use std::borrow::Cow;
 use std::fmt::Display;
 
@@ -124,30 +123,13 @@ impl ExplicitRungeKutta {
         })
     }
 
-    /// First step by the rule of Hairer, Norsett and Wanner, from two slopes.
     fn first_step<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<f64, StepFailure<E>> {
-        let longest = self.options.max_step.min((self.at.t_end - self.at.t_old).abs());
-        let least = FIRST_ROUNDINGS * tolerance::TEN_ROUNDINGS * self.at.t_old.abs();
-        let n = self.stride;
-        let guess = self.norm.first_guess(&self.y_old, &self.stages[..n]).max(least).min(longest);
-        if guess == 0.0 {
-            return Ok(longest);
-        }
-        let h = guess * self.at.direction;
-        for i in 0..n {
-            self.y_stage[i] = self.y_old[i] + h * self.stages[i];
-        }
-        self.counters.evaluations += 1;
+        let (n, dim, order) = (self.stride, self.dim, self.tableau.error_order);
         let (f0, rest) = self.stages.split_at_mut(n);
-        let t = self.at.t_old + h;
-        match ode.rhs(t, &self.y_stage[..self.dim], &mut rest[..self.dim]) {
-            Ok(()) => {}
-            // not evaluable even there: begin with the short guess, which the first attempts will adapt
-            Err(RhsError::Retry(_)) => return Ok(guess),
-            Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
-        }
-        let better = self.norm.second_guess(guess, self.tableau.error_order, &self.y_old, f0, &rest[..n]);
-        Ok(if better.is_finite() { better.max(least).min(longest) } else { guess })
+        let memory = (&mut self.y_stage[..dim], &mut rest[..dim]);
+        let start = (&self.y_old[..dim], &f0[..dim]);
+        let about = (self.options.max_step, order);
+        first_step(ode, &self.norm, &self.at, about, start, memory, &mut self.counters.evaluations)
     }
 
     /// All stages of a step and its end. An error comes with its time.
@@ -179,21 +161,9 @@ impl ExplicitRungeKutta {
 
     /// Measure the rounding of the slopes at the start of the step. Where that is impossible it stays unknown.
     fn measure_rounding<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) {
-        let dim = self.dim;
-        self.y_stage[dim..].fill(0.0);
-        for pair in 0..PAIRS {
-            self.rounding.begin(pair, &self.stages[..self.stride]);
-            for (side, weight) in SIDES {
-                SlopeRounding::move_beside(pair, side, &self.y_old, self.norm.sizes(), &mut self.y_stage[..dim]);
-                self.counters.evaluations += 1;
-                if ode.rhs(self.at.t_old, &self.y_stage[..dim], &mut self.rounding.beside[..dim]).is_err() {
-                    self.rounding.forget();
-                    return;
-                }
-                self.rounding.add(weight);
-            }
-            self.rounding.end();
-        }
+        let (dim, evaluations) = (self.dim, &mut self.counters.evaluations);
+        let at = (&self.y_old[..dim], &self.stages[..dim]);
+        self.rounding.measure(ode, self.at.t_old, at, self.norm.sizes(), &mut self.y_stage[..dim], evaluations);
     }
 
     /// Error of the step at hand in units of the tolerance, and whether it is at most one because of the rounding of its
@@ -269,11 +239,9 @@ impl<E: Display> Stepper<E> for ExplicitRungeKutta {
         if let Some(component) = first_not_finite(&self.stages[..self.dim]) {
             return Err(StepFailure::NotFinite { t, component });
         }
-        self.at.set_t_end(t_end, self.options.fixed_step);
-        self.at.step = match (self.options.fixed_step, self.options.first_step) {
-            (Some(h), _) => h,
-            (None, Some(h)) => h.min(self.options.max_step),
-            (None, None) => self.first_step(ode)?,
+        self.at.step = match self.at.head_for(t_end, &self.options) {
+            Some(h) => h,
+            None => self.first_step(ode)?,
         };
         Ok(())
     }

@@ -13,19 +13,18 @@ mod dense;
 mod newton_matrix;
 mod stages;
 
-use self::coefficients::{ERROR, NODES, S};
+use self::coefficients::{Nodes, ERROR, ESTIMATE_ORDER, NODES, S};
 use self::dense::Polynomial;
-use self::stages::{Iterated, StageSolver, Task, MOST};
+use self::stages::{Iterated, Matrix, StageSolver, Task, MOST};
 use crate::combination::first_not_finite;
 use crate::counters::Counters;
 use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::{Options, OptionsError};
 use crate::placement::Placement;
-use crate::rounding::{SlopeRounding, PAIRS, SIDES};
-use crate::step_size::{ErrorNorm, FIRST_ROUNDINGS, SAFETY, SMALLEST_FACTOR};
+use crate::rounding::SlopeRounding;
+use crate::step_size::{first_step, ErrorNorm, SAFETY, SMALLEST_FACTOR};
 use crate::stepper::{Conclusion, StepEnd, Stepper};
-use partita_math::tolerance;
 use partita_system::system::Derivatives;
 use std::fmt::Display;
 
@@ -40,6 +39,8 @@ const KEPT_FACTOR: f64 = 1.2;
 const RENEWED: f64 = 0.02;
 /// Where the matrix of a step is made. Unit: part of the step. Reason: in the middle of the stages.
 const MATRIX_AT: f64 = 0.6;
+/// Iterations after which a matrix is made anew in any case. Scale: number. Reason: as for `RENEWED`.
+const KEPT_ITERATIONS: usize = 3;
 /// Third over second difference of the slopes, for the estimate as a multiple of the third. Unit: factor. Reason: the estimate
 /// is a tenth of that difference.
 const THIRD_OF_ESTIMATE: f64 = 10.0;
@@ -75,8 +76,13 @@ struct Judged {
     iterations: usize,
     /// The rate of the last one.
     rate: Option<f64>,
+}
+
+impl Judged {
     /// Whether the next step makes its matrix anew.
-    renews: bool,
+    fn renews(&self) -> bool {
+        self.rate.is_some_and(|rate| rate > RENEWED) || self.iterations > KEPT_ITERATIONS
+    }
 }
 
 /// The factor with which a step's iterations converge as they should, where they did at this rate.
@@ -142,8 +148,7 @@ pub struct Radau {
     f_new: Vec<f64>,
     phase: Phase,
     solver: StageSolver,
-    /// Whether its matrix is that of the start of the step; and of the stages of half a step.
-    fresh: bool,
+    /// Of half a step.
     half: StageSolver,
     polynomial: Polynomial,
     /// Stages of the step before, and its length, where the motion goes on.
@@ -184,7 +189,6 @@ impl Radau {
             f_new: vector(),
             phase: Phase::Ready,
             solver: StageSolver::new(dim),
-            fresh: false,
             half: StageSolver::new(dim),
             polynomial: Polynomial::new(dim),
             before: vec![0.0; S * dim],
@@ -207,7 +211,7 @@ impl Radau {
 
     /// The slopes before say nothing about those ahead.
     fn forget(&mut self) {
-        (self.behind, self.solver.known, self.fresh) = (None, false, false);
+        (self.behind, self.solver.matrix) = (None, Matrix::Missing);
         self.controller.before = None;
         self.rounding.forget();
     }
@@ -239,55 +243,21 @@ impl Radau {
 
     /// Measure the rounding of the slopes at the start of the step. Where that is impossible it stays unknown.
     fn measure_rounding<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) {
-        for pair in 0..PAIRS {
-            self.rounding.begin(pair, &self.f_old);
-            for (side, weight) in SIDES {
-                SlopeRounding::move_beside(pair, side, &self.y_old, &self.sizes, &mut self.moved);
-                self.counters.evaluations += 1;
-                if ode.rhs(self.at.t_old, &self.moved, &mut self.rounding.beside).is_err() {
-                    return self.rounding.forget();
-                }
-                self.rounding.add(weight);
-            }
-            self.rounding.end();
-        }
-    }
-
-    /// First step: as an explicit method would begin, or less where the rates change faster than they show.
-    fn first_step<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<f64, StepFailure<E>> {
-        let longest = self.options.max_step.min((self.at.t_end - self.at.t_old).abs());
-        let least = FIRST_ROUNDINGS * tolerance::TEN_ROUNDINGS * self.at.t_old.abs();
-        let guess = self.norm.first_guess(&self.y_old, &self.f_old).max(least).min(longest);
-        if guess == 0.0 {
-            return Ok(longest);
-        }
-        let h = guess * self.at.direction;
-        for (to, (y, f)) in self.moved.iter_mut().zip(self.y_old.iter().zip(&self.f_old)) {
-            *to = y + h * f;
-        }
-        self.counters.evaluations += 1;
-        let t = self.at.t_old + h;
-        match ode.rhs(t, &self.moved, &mut self.difference) {
-            Ok(()) => {}
-            Err(RhsError::Retry(_)) => return Ok(guess),
-            Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
-        }
-        let better = self.norm.second_guess(guess, 3, &self.y_old, &self.f_old, &self.difference);
-        Ok(if better.is_finite() { better.max(least).min(longest) } else { guess })
+        let (at, evaluations) = ((&self.y_old[..], &self.f_old[..]), &mut self.counters.evaluations);
+        self.rounding.measure(ode, self.at.t_old, at, &self.sizes, &mut self.moved, evaluations);
     }
 
     /// The matrix at the start of the step, unless one is kept, and its factors for steps of length h; false where it cannot be
     /// factored.
     fn prepare<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>, h: f64) -> Result<bool, StepFailure<E>> {
         let t = self.at.t_old;
-        if !self.solver.known {
+        if self.solver.matrix == Matrix::Missing {
             self.linearise_ahead(ode, h);
-            if !self.solver.known {
+            if self.solver.matrix == Matrix::Missing {
                 let made = self.solver.linearise(ode, t, (&self.y_old, &self.f_old), &self.sizes);
                 self.count_linearisation(false);
                 made.map_err(|e| Self::at_start(t, e))?;
             }
-            self.fresh = true;
         }
         let made = self.solver.factor(h);
         self.counters.factored += u64::from(*made.as_ref().unwrap_or(&true));
@@ -358,11 +328,10 @@ impl Radau {
 
     /// The error of the step in units of the tolerances, and the power of h with which it falls.
     fn judge<E: Display>(&mut self, ode: &mut dyn Ode<Error = E>, h: f64) -> Result<(f64, f64), (f64, RhsError<E>)> {
-        let (second, _) = NODES.differences();
-        let of_slopes: [f64; S] = std::array::from_fn(|j| (0..S).map(|i| second[i] * NODES.inverse[i][j]).sum::<f64>());
+        let nodes: &Nodes = &NODES;
         for l in 0..self.y_old.len() {
             self.estimate[l] = self.f_old[l] + self.solver.increment(&ERROR, l) / h;
-            self.difference[l] = self.solver.increment(&of_slopes, l) / h;
+            self.difference[l] = self.solver.increment(&nodes.second, l) / h;
         }
         let (mut estimate, mut difference) = (std::mem::take(&mut self.estimate), std::mem::take(&mut self.difference));
         self.solver.filter(h, &mut estimate);
@@ -420,8 +389,8 @@ impl Radau {
         (h, rate): (f64, f64),
         obstacle: &mut Option<E>,
     ) -> Result<(), StepFailure<E>> {
-        if !self.fresh {
-            self.solver.known = false;
+        if self.solver.matrix == Matrix::Kept {
+            self.solver.forget_kept();
             return Ok(());
         }
         if !self.rounding.known {
@@ -477,11 +446,14 @@ impl<E: Display> Stepper<E> for Radau {
         if let Some(component) = first_not_finite(&self.f_old) {
             return Err(StepFailure::NotFinite { t, component });
         }
-        self.at.set_t_end(t_end, self.options.fixed_step);
-        self.at.step = match (self.options.fixed_step, self.options.first_step) {
-            (Some(h), _) => h,
-            (None, Some(h)) => h.min(self.options.max_step),
-            (None, None) => self.first_step(ode)?,
+        self.at.step = match self.at.head_for(t_end, &self.options) {
+            Some(h) => h,
+            None => {
+                let (start, memory) =
+                    ((&self.y_old[..], &self.f_old[..]), (&mut self.moved[..], &mut self.difference[..]));
+                let about = (self.options.max_step, ESTIMATE_ORDER);
+                first_step(ode, &self.norm, &self.at, about, start, memory, &mut self.counters.evaluations)?
+            }
         };
         Ok(())
     }
@@ -520,7 +492,7 @@ impl<E: Display> Stepper<E> for Radau {
                     continue;
                 }
                 Err((_, RhsError::Retry(error))) => {
-                    self.solver.known &= self.fresh;
+                    self.solver.forget_kept();
                     obstacle = Some(error);
                     self.shorten_for_retry(h, &mut obstacle)?;
                     continue;
@@ -530,7 +502,6 @@ impl<E: Display> Stepper<E> for Radau {
             let n = self.y_old.len();
             let last = &self.solver.z[(S - 1) * n..];
             self.y_new.iter_mut().zip(self.y_old.iter().zip(last)).for_each(|(to, (y, z))| *to = y + z);
-            let renews = rate.is_some_and(|rate| rate > RENEWED) || iterations > 3;
             self.by_rounding = false;
             let (error, power) = match self.at.grid {
                 Some(_) => (0.0, 6.0),
@@ -550,7 +521,7 @@ impl<E: Display> Stepper<E> for Radau {
                 self.shorten_not_finite(h, component)?;
                 continue;
             }
-            self.found = Judged { error, power, iterations, rate, renews };
+            self.found = Judged { error, power, iterations, rate };
             if error <= 1.0 {
                 (self.at.t_new, self.at.attempted_h) = (t_new, h);
                 (self.phase, self.polynomial.known) = (Phase::Attempted, false);

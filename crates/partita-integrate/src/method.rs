@@ -4,7 +4,7 @@ use crate::explicit_rk::ExplicitRungeKutta;
 use crate::implicit_rk::Radau;
 use crate::options::{Options, OptionsError};
 use crate::stepper::Stepper;
-use crate::switching::{Policy, Switching};
+use crate::switching::Switching;
 use crate::tableau::{self, Tableau};
 use partita_system::SystemError;
 use std::fmt::Debug;
@@ -29,7 +29,7 @@ impl Method for Tableau {
         let adapts = options.fixed_step.is_none();
         let explicit = ExplicitRungeKutta::new(self, dim, options.clone())?;
         match adapts {
-            true => Ok(Box::new(Switching::new(Policy::Advise, self.name, explicit, dim, options)?)),
+            true => Ok(Box::new(Switching::advising(self.name, explicit, dim, &options))),
             false => Ok(Box::new(explicit)),
         }
     }
@@ -89,7 +89,7 @@ impl Method for Auto {
         let (table, adapts) = (&tableau::DOP853, options.fixed_step.is_none());
         let explicit = ExplicitRungeKutta::new(table, dim, options.clone())?;
         match adapts {
-            true => Ok(Box::new(Switching::new(Policy::Change, table.name, explicit, dim, options)?)),
+            true => Ok(Box::new(Switching::changing(table.name, explicit, dim, options)?)),
             false => Ok(Box::new(explicit)),
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::failure::StepFailure;
 use crate::fixed_grid::FixedGrid;
+use crate::options::Options;
 use partita_math::tolerance;
 use std::fmt::Display;
 
@@ -68,13 +69,19 @@ impl Placement {
     }
 
     /// Continue to another end. A fixed grid begins anew at `t_old`.
-    pub(crate) fn set_t_end(&mut self, t_end: f64, fixed_step: Option<f64>) {
+    fn set_t_end(&mut self, t_end: f64, fixed_step: Option<f64>) {
         let span = t_end - self.t_old;
         self.t_end = t_end;
         self.span = span.abs();
         self.direction = if span < 0.0 { -1.0 } else { 1.0 };
         self.shortest = tolerance::TEN_ROUNDINGS * (NEAR_ZERO_TIME * span.abs());
         self.grid = fixed_step.map(|h| FixedGrid::new(h, self.t_old, t_end));
+    }
+
+    /// Head for an end: the length of the first step, where it is given.
+    pub(crate) fn head_for(&mut self, t_end: f64, options: &Options) -> Option<f64> {
+        self.set_t_end(t_end, options.fixed_step);
+        options.fixed_step.or(options.first_step.map(|h| h.min(options.max_step)))
     }
 
     /// Signed step and its end: `t_end`, the next grid point or the goal if within reach, so that they are met exactly.

@@ -8,6 +8,9 @@
 //! It is measured by second differences over a few roundings of the states: whatever is smooth, however steep, cancels in
 //! them.
 
+use crate::ode::Ode;
+use std::fmt::Display;
+
 /// Rounding of an estimate over that of one slope. Unit: factor. Reason: the margin of the estimate, and its weights, of
 /// which two or three are as large as one; several roundings add up in a slope.
 const OF_ESTIMATE: f64 = 32.0;
@@ -15,10 +18,10 @@ const OF_ESTIMATE: f64 = 32.0;
 /// their own roundings differ; few, so that nothing bends between them.
 const APART: f64 = 8.0;
 /// Pairs of states that are compared, moved in other directions each. Unit: number. Reason: one of two may round alike.
-pub(crate) const PAIRS: usize = 2;
+const PAIRS: usize = 2;
 /// Where the two states of a pair lie, and the weights of their slopes. Unit: distance, and number. Reason: what is linear
 /// cancels; at equal distances what is rounded might cancel, too.
-pub(crate) const SIDES: [(f64, f64); 2] = [(1.0, 0.7), (-0.7, 1.0)];
+const SIDES: [(f64, f64); 2] = [(1.0, 0.7), (-0.7, 1.0)];
 /// Second differences of slopes over the rounding of one. Unit: factor. Reason: the root of the sum of squared weights.
 const OF_DIFFERENCE: f64 = 2.1;
 /// Steps for which the rounding that was measured is taken. Unit: number. Reason: one evaluation in a hundred, while
@@ -34,7 +37,7 @@ pub(crate) struct SlopeRounding {
     /// That of each slope.
     pub slopes: Vec<f64>,
     /// A slope of a state beside, and the second differences.
-    pub beside: Vec<f64>,
+    beside: Vec<f64>,
     differences: Vec<f64>,
     /// Whether it is taken into account.
     pub known: bool,
@@ -80,7 +83,7 @@ impl SlopeRounding {
 
     /// A state a few roundings beside y, where components have at least these sizes: `side` is that of a state of the
     /// pair, whose directions differ from component to component.
-    pub(crate) fn move_beside(pair: usize, side: f64, y: &[f64], sizes: &[f64], out: &mut [f64]) {
+    fn move_beside(pair: usize, side: f64, y: &[f64], sizes: &[f64], out: &mut [f64]) {
         for (i, ((to, y), size)) in out.iter_mut().zip(y).zip(sizes).enumerate() {
             let by = APART * f64::EPSILON * y.abs().max(*size) * (1.0 + 0.25 * pair as f64);
             *to = if (i >> pair) % 2 == 0 { y + side * by } else { y - side * by };
@@ -88,7 +91,7 @@ impl SlopeRounding {
     }
 
     /// Begin with a pair of states around one with these slopes.
-    pub(crate) fn begin(&mut self, pair: usize, slopes: &[f64]) {
+    fn begin(&mut self, pair: usize, slopes: &[f64]) {
         if pair == 0 {
             self.slopes.fill(0.0);
         }
@@ -96,15 +99,40 @@ impl SlopeRounding {
     }
 
     /// The slopes `beside` are those of one state of the pair, with this weight.
-    pub(crate) fn add(&mut self, weight: f64) {
+    fn add(&mut self, weight: f64) {
         self.differences.iter_mut().zip(&self.beside).for_each(|(to, x)| *to += weight * x);
     }
 
     /// Both are known.
-    pub(crate) fn end(&mut self) {
+    fn end(&mut self) {
         let found = self.slopes.iter_mut().zip(&self.differences);
         found.for_each(|(to, x)| *to = to.max(x.abs() / OF_DIFFERENCE));
         (self.known, self.steps, self.needed) = (self.differences.iter().all(|x| x.is_finite()), 0, false);
+    }
+
+    /// Measure that of the slopes at (t, y), where components have at least these sizes; `moved` is memory for a state. Where
+    /// that is impossible it stays unknown. All but `sizes` and the slopes have the length of the equation.
+    pub(crate) fn measure<E: Display>(
+        &mut self,
+        ode: &mut dyn Ode<Error = E>,
+        t: f64,
+        (y, slopes): (&[f64], &[f64]),
+        sizes: &[f64],
+        moved: &mut [f64],
+        evaluations: &mut u64,
+    ) {
+        for pair in 0..PAIRS {
+            self.begin(pair, slopes);
+            for (side, weight) in SIDES {
+                Self::move_beside(pair, side, y, sizes, moved);
+                *evaluations += 1;
+                if ode.rhs(t, moved, &mut self.beside[..moved.len()]).is_err() {
+                    return self.forget();
+                }
+                self.add(weight);
+            }
+            self.end();
+        }
     }
 
     /// A step was taken; `needed`: its error was within the tolerance only because of this.

@@ -1,10 +1,14 @@
 //! How large the error is, and how long the next step shall be.
 
 use crate::combination::{Row, TILE};
+use crate::failure::StepFailure;
+use crate::ode::{Ode, RhsError};
 use crate::options::{AbsoluteTolerance, Options};
+use crate::placement::Placement;
 use crate::rounding::SlopeRounding;
 use crate::tableau::Tableau;
 use partita_math::tolerance;
+use std::fmt::Display;
 
 /// Rates below this do not indicate the scale of a motion. Scale: multiples of the tolerance. Reason: the rule of Hairer,
 /// Norsett and Wanner for the first step.
@@ -31,7 +35,7 @@ const SMALLEST_REMEMBERED_ERROR: f64 = 1e-4;
 
 /// The first step is at least this long. Scale: multiples of ten roundings of the time. Reason: over it the rounding of
 /// the time changes a slope by less than the motion does.
-pub(crate) const FIRST_ROUNDINGS: f64 = 1e3;
+const FIRST_ROUNDINGS: f64 = 1e3;
 
 /// Proportional–integral control of the step, after Gustafsson, with the constants of Hairer and Wanner.
 ///
@@ -294,6 +298,40 @@ impl ErrorNorm {
         };
         h1.min(100.0 * h0)
     }
+}
+
+/// First step by the rule of Hairer, Norsett and Wanner for a method whose estimate has this order, from the slopes at the start
+/// and after a guess; `moved` and `f1` are memory.
+///
+/// # Errors
+/// Where the equation fails and no shorter step helps.
+pub(crate) fn first_step<E: Display>(
+    ode: &mut dyn Ode<Error = E>,
+    norm: &ErrorNorm,
+    at: &Placement,
+    (max_step, order): (f64, usize),
+    (y, f0): (&[f64], &[f64]),
+    (moved, f1): (&mut [f64], &mut [f64]),
+    evaluations: &mut u64,
+) -> Result<f64, StepFailure<E>> {
+    let longest = max_step.min((at.t_end - at.t_old).abs());
+    let least = FIRST_ROUNDINGS * tolerance::TEN_ROUNDINGS * at.t_old.abs();
+    let guess = norm.first_guess(y, f0).max(least).min(longest);
+    if guess == 0.0 {
+        return Ok(longest);
+    }
+    let h = guess * at.direction;
+    moved.iter_mut().zip(y.iter().zip(f0)).for_each(|(to, (y, f))| *to = y + h * f);
+    *evaluations += 1;
+    let t = at.t_old + h;
+    match ode.rhs(t, moved, f1) {
+        Ok(()) => {}
+        // not evaluable even there: begin with the short guess, which the first attempts will adapt
+        Err(RhsError::Retry(_)) => return Ok(guess),
+        Err(RhsError::Fatal(error)) => return Err(StepFailure::Rhs { t, error }),
+    }
+    let better = norm.second_guess(guess, order, y, f0, f1);
+    Ok(if better.is_finite() { better.max(least).min(longest) } else { guess })
 }
 
 /// The controller of a tableau.

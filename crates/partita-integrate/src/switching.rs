@@ -28,24 +28,20 @@ const STABLE: u32 = 12;
 /// Changes of the method that are told one by one. Unit: number. Reason: a sentence each.
 const LISTED: usize = 3;
 
-/// What is done about it.
+/// The method at work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Policy {
-    /// It is said.
-    Advise,
-    /// The method is changed.
-    Change,
+enum AtWork {
+    Explicit,
+    Implicit,
 }
 
-/// An explicit method, and the implicit one beside it.
+/// An explicit method, and the implicit one beside it: without one it is said what that would do.
 #[derive(Debug)]
 pub(crate) struct Switching {
-    policy: Policy,
     name: &'static str,
     explicit: ExplicitRungeKutta,
-    implicit: Radau,
-    /// Whether the implicit one is at work.
-    is_stiff: bool,
+    implicit: Option<Box<Radau>>,
+    at_work: AtWork,
     sizes: Vec<f64>,
     /// The tolerance, in these sizes.
     tolerance: f64,
@@ -58,7 +54,7 @@ pub(crate) struct Switching {
     /// Rates where the implicit method was linearised last, and how often it was.
     known: Option<(u64, Stiffness)>,
     /// When the method changed, and what for.
-    changes: Vec<(f64, bool, Stiffness)>,
+    changes: Vec<(f64, AtWork, Stiffness)>,
     count: u64,
     /// Looks and their evaluations.
     looks: Counters,
@@ -66,24 +62,18 @@ pub(crate) struct Switching {
 }
 
 impl Switching {
-    pub(crate) fn new(
-        policy: Policy,
-        name: &'static str,
-        explicit: ExplicitRungeKutta,
-        dim: usize,
-        options: Options,
-    ) -> Result<Self, OptionsError> {
-        Ok(Self {
-            policy,
+    /// That stays with its method.
+    pub(crate) fn advising(name: &'static str, explicit: ExplicitRungeKutta, dim: usize, options: &Options) -> Self {
+        Self {
             name,
             explicit,
-            is_stiff: false,
+            implicit: None,
+            at_work: AtWork::Explicit,
             sizes: vec![1.0; dim],
             tolerance: options.rtol,
-            implicit: Radau::new(dim, options)?,
             linear: LinearRates::default(),
             since: 0,
-            due: if policy == Policy::Change { LOOKS } else { ADVISES },
+            due: ADVISES,
             agreed: 0,
             stable: 0,
             known: None,
@@ -91,32 +81,58 @@ impl Switching {
             count: 0,
             looks: Counters::default(),
             counters: Counters::default(),
-        })
+        }
+    }
+
+    /// That changes to Radau IIA and back.
+    pub(crate) fn changing(
+        name: &'static str,
+        explicit: ExplicitRungeKutta,
+        dim: usize,
+        options: Options,
+    ) -> Result<Self, OptionsError> {
+        let advising = Self::advising(name, explicit, dim, &options);
+        Ok(Self { implicit: Some(Box::new(Radau::new(dim, options)?)), due: LOOKS, ..advising })
     }
 
     fn control(&self) -> &dyn StepControl {
-        match self.is_stiff {
-            true => &self.implicit,
-            false => &self.explicit,
+        match (self.at_work, &self.implicit) {
+            (AtWork::Implicit, Some(implicit)) => &**implicit,
+            _ => &self.explicit,
         }
     }
 
     fn control_mut(&mut self) -> &mut dyn StepControl {
-        match self.is_stiff {
-            true => &mut self.implicit,
-            false => &mut self.explicit,
+        match (self.at_work, &mut self.implicit) {
+            (AtWork::Implicit, Some(implicit)) => &mut **implicit,
+            _ => &mut self.explicit,
+        }
+    }
+
+    fn storage(&mut self) -> &mut dyn StepStorage {
+        match (self.at_work, &mut self.implicit) {
+            (AtWork::Implicit, Some(implicit)) => &mut **implicit,
+            _ => &mut self.explicit,
+        }
+    }
+
+    fn stored(&self) -> &dyn StepStorage {
+        match (self.at_work, &self.implicit) {
+            (AtWork::Implicit, Some(implicit)) => &**implicit,
+            _ => &self.explicit,
         }
     }
 
     fn stepper<E: Display>(&mut self) -> &mut dyn Stepper<E> {
-        match self.is_stiff {
-            true => &mut self.implicit,
-            false => &mut self.explicit,
+        match (self.at_work, &mut self.implicit) {
+            (AtWork::Implicit, Some(implicit)) => &mut **implicit,
+            _ => &mut self.explicit,
         }
     }
 
     fn count(&mut self) {
-        self.counters = *self.explicit.counters() + *self.implicit.counters() + self.looks;
+        let implicit = self.implicit.as_ref().map_or(Counters::default(), |x| *x.counters());
+        self.counters = *self.explicit.counters() + implicit + self.looks;
     }
 
     /// What limits explicit steps here; none where it cannot be told.
@@ -129,10 +145,10 @@ impl Switching {
         Stiffness::of(&self.linear, (&self.sizes, self.tolerance), now.dy_old, now.next)
     }
 
-    fn note(&mut self, t: f64, to_implicit: bool, found: Stiffness) {
+    fn note(&mut self, t: f64, to: AtWork, found: Stiffness) {
         self.count += 1;
         if self.changes.len() < LISTED {
-            self.changes.push((t, to_implicit, found));
+            self.changes.push((t, to, found));
         }
     }
 
@@ -145,46 +161,42 @@ impl Switching {
         let (h, t) = (self.explicit.current().next, self.explicit.current().t_old);
         let found = self.look(ode);
         let limited = found.filter(|found| found.limits(h));
-        match (self.policy, limited) {
-            (Policy::Advise, limited) => {
-                self.due *= 2;
-                if let Some(found) = limited.filter(|_| self.changes.is_empty()) {
-                    self.note(t, true, found);
-                }
+        let Some(implicit) = &mut self.implicit else {
+            self.due *= 2;
+            if let Some(found) = limited.filter(|_| self.changes.is_empty()) {
+                self.note(t, AtWork::Implicit, found);
             }
-            (Policy::Change, None) => {
-                let far = found.is_none_or(|found| found.is_far(h));
-                (self.agreed, self.due) = (0, if far { RARELY.min(2 * self.due) } else { LOOKS });
-            }
-            (Policy::Change, Some(found)) => {
-                (self.agreed, self.due) = (self.agreed + 1, LOOKS / 2);
-                if self.agreed >= AGREE {
-                    self.implicit.adopt(self.explicit.hand_over());
-                    (self.is_stiff, self.stable, self.known) = (true, 0, None);
-                    self.note(t, true, found);
-                }
-            }
+            return;
+        };
+        let Some(limited) = limited else {
+            let far = found.is_none_or(|found| found.is_far(h));
+            (self.agreed, self.due) = (0, if far { RARELY.min(2 * self.due) } else { LOOKS });
+            return;
+        };
+        (self.agreed, self.due) = (self.agreed + 1, LOOKS / 2);
+        if self.agreed >= AGREE {
+            implicit.adopt(self.explicit.hand_over());
+            (self.at_work, self.stable, self.known) = (AtWork::Implicit, 0, None);
+            self.note(t, AtWork::Implicit, limited);
         }
     }
 
     /// Before an implicit step: whether an explicit one would be stable.
     fn watch_implicit(&mut self) {
-        let now = self.implicit.current();
-        let made = self.implicit.counters().jacobians;
+        let Some(implicit) = &self.implicit else { return };
+        let (now, made) = (implicit.current(), implicit.counters().jacobians);
         if self.known.is_none_or(|(known, _)| known != made) {
-            let found = self
-                .implicit
-                .linear()
-                .and_then(|x| Stiffness::of(x, (&self.sizes, self.tolerance), now.dy_old, now.next));
+            let about = (&self.sizes[..], self.tolerance);
+            let found = implicit.linear().and_then(|x| Stiffness::of(x, about, now.dy_old, now.next));
             self.known = found.map(|found| (made, found));
         }
         let Some((_, found)) = self.known else { return };
         self.stable = if found.allows(now.next) { self.stable + 1 } else { 0 };
         if self.stable >= STABLE {
             let t = now.t_old;
-            self.explicit.adopt(self.implicit.hand_over());
-            (self.is_stiff, self.since, self.due, self.agreed) = (false, 0, LOOKS, 0);
-            self.note(t, false, found);
+            self.explicit.adopt(implicit.hand_over());
+            (self.at_work, self.since, self.due, self.agreed) = (AtWork::Explicit, 0, LOOKS, 0);
+            self.note(t, AtWork::Explicit, found);
         }
     }
 }
@@ -202,7 +214,7 @@ impl StepControl for Switching {
     fn set_sizes(&mut self, sizes: &[f64]) {
         self.sizes.copy_from_slice(sizes);
         self.explicit.set_sizes(sizes);
-        self.implicit.set_sizes(sizes);
+        self.implicit.iter_mut().for_each(|x| x.set_sizes(sizes));
     }
     fn set_reference(&mut self, size: f64) {
         self.explicit.set_reference(size);
@@ -228,16 +240,16 @@ impl StepControl for Switching {
         self.count();
     }
     fn notes(&self) -> Vec<String> {
-        let words = |(t, to_implicit, found): &(f64, bool, Stiffness)| {
+        let words = |(t, to, found): &(f64, AtWork, Stiffness)| {
             let (t, why) = (formatted(*t), found.words());
-            match (self.policy, to_implicit) {
-                (Policy::Advise, _) => format!(
+            match (&self.implicit, to) {
+                (None, _) => format!(
                     "at t = {t} s stability, not accuracy, limits the steps of {}: {why}; method=\"radau\" takes \
                      longer ones, and method=\"auto\" changes to it",
                     self.name
                 ),
-                (Policy::Change, true) => format!("at t = {t} s the method changes to radau: {why}"),
-                (Policy::Change, false) => format!("at t = {t} s the method changes back to {}: {why}", self.name),
+                (Some(_), AtWork::Implicit) => format!("at t = {t} s the method changes to radau: {why}"),
+                (Some(_), AtWork::Explicit) => format!("at t = {t} s the method changes back to {}: {why}", self.name),
             }
         };
         let mut notes: Vec<String> = self.changes.iter().map(words).collect();
@@ -245,31 +257,22 @@ impl StepControl for Switching {
         if rest > 0 {
             notes.push(format!("the method changes {rest} times more"));
         }
-        notes.extend(self.implicit.notes());
+        notes.extend(self.implicit.iter().flat_map(|x| x.notes()));
         notes
     }
 }
 
 impl StepStorage for Switching {
     fn save(&self, out: &mut Vec<f64>) -> bool {
-        out.push(f64::from(u8::from(self.is_stiff)));
-        match self.is_stiff {
-            true => self.implicit.save(out),
-            false => self.explicit.save(out),
-        }
+        out.push(f64::from(u8::from(self.at_work == AtWork::Implicit)));
+        self.stored().save(out)
     }
     fn save_extra(&self, out: &mut Vec<f64>) {
-        match self.is_stiff {
-            true => self.implicit.save_extra(out),
-            false => self.explicit.save_extra(out),
-        }
+        self.stored().save_extra(out);
     }
     fn load(&mut self, ends: (f64, f64), step: &[f64], extra: &[f64]) {
-        self.is_stiff = step[0] != 0.0;
-        match self.is_stiff {
-            true => self.implicit.load(ends, &step[1..], extra),
-            false => self.explicit.load(ends, &step[1..], extra),
-        }
+        self.at_work = if step[0] == 0.0 { AtWork::Explicit } else { AtWork::Implicit };
+        self.storage().load(ends, &step[1..], extra);
     }
 }
 
@@ -280,9 +283,9 @@ impl<E: Display> Stepper<E> for Switching {
         started
     }
     fn attempt(&mut self, ode: &mut dyn Ode<Error = E>) -> Result<(), StepFailure<E>> {
-        match self.is_stiff {
-            true => self.watch_implicit(),
-            false => self.watch_explicit(ode),
+        match self.at_work {
+            AtWork::Implicit => self.watch_implicit(),
+            AtWork::Explicit => self.watch_explicit(ode),
         }
         let attempted = self.stepper().attempt(ode);
         self.count();

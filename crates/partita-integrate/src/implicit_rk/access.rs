@@ -1,6 +1,7 @@
 //! Read access to the stepper, and decisions between its evaluations.
 
 use super::coefficients::S;
+use super::stages::Matrix;
 use super::{Phase, Predictive, Radau};
 use crate::counters::Counters;
 use crate::placement::Handover;
@@ -78,8 +79,8 @@ impl StepControl for Radau {
         let h = self.at.attempted_h;
         let (controller, found) = (&mut self.controller, self.found);
         self.at.lengthen(cut, self.options.max_step, || controller.accepted(h.abs(), found));
-        (self.behind, self.fresh, self.repeated) = (Some(h), false, false);
-        self.solver.known &= !found.renews;
+        (self.behind, self.repeated) = (Some(h), false);
+        self.solver.matrix = if found.renews() { Matrix::Missing } else { Matrix::Kept };
         if changes {
             self.forget();
         }
@@ -141,7 +142,7 @@ impl Radau {
 
     /// The rates changed to first order that the next step uses, if it keeps them.
     pub(crate) fn linear(&self) -> Option<&LinearRates> {
-        self.solver.known.then_some(&self.solver.linear)
+        (self.solver.matrix != Matrix::Missing).then_some(&self.solver.linear)
     }
 
     /// What another method goes on from.

@@ -9,6 +9,9 @@ use std::sync::LazyLock;
 /// Stages.
 pub(super) const S: usize = 3;
 
+/// Order of its estimate. Unit: order. Reason: Hairer's and Wanner's.
+pub(super) const ESTIMATE_ORDER: usize = 3;
+
 /// A matrix over stages.
 pub(super) type Stages = [[f64; S]; S];
 
@@ -36,6 +39,8 @@ pub(super) struct Nodes {
     pub(super) c: [f64; S],
     pub(super) a: Stages,
     pub(super) inverse: Stages,
+    /// The second divided difference of the slopes at c, for Z over a step of length 1.
+    pub(super) second: [f64; S],
 }
 
 pub(super) static NODES: LazyLock<Nodes> = LazyLock::new(|| {
@@ -51,7 +56,9 @@ pub(super) static NODES: LazyLock<Nodes> = LazyLock::new(|| {
         [-3.567_840_084_690_405_5, 0.775_255_128_608_411, 1.053_197_264_742_180_8],
         [5.531_972_647_421_808, -7.531_972_647_421_808, 5.0],
     ];
-    Nodes { c, a, inverse }
+    let weight = |i: usize| 1.0 / (0..S).filter(|&j| j != i).map(|j| c[i] - c[j]).product::<f64>();
+    let second = std::array::from_fn(|j| (0..S).map(|i| weight(i) * inverse[i][j]).sum::<f64>());
+    Nodes { c, a, inverse, second }
 });
 
 impl Nodes {
@@ -62,16 +69,6 @@ impl Nodes {
             let others = (0..S).filter(|&j| j != i).map(|j| (theta - self.c[j]) / (own - self.c[j]));
             theta / own * others.product::<f64>()
         })
-    }
-
-    /// The second divided difference of the slopes at c, and the third one of those at 0 and c, as weights.
-    pub(super) fn differences(&self) -> ([f64; S], [f64; S + 1]) {
-        let c = &self.c;
-        let second = std::array::from_fn(|i| 1.0 / (0..S).filter(|&j| j != i).map(|j| c[i] - c[j]).product::<f64>());
-        let all = [0.0, c[0], c[1], c[2]];
-        let third =
-            std::array::from_fn(|i| 1.0 / (0..=S).filter(|&j| j != i).map(|j| all[i] - all[j]).product::<f64>());
-        (second, third)
     }
 }
 
@@ -117,15 +114,20 @@ mod tests {
     #[test]
     fn the_estimate_is_a_third_difference_of_slopes() {
         // y' = a cubic: the slope at 0 and the increments of the stages
-        let (_, third) = NODES.differences();
+        let all = [0.0, NODES.c[0], NODES.c[1], NODES.c[2]];
+        let third: [f64; S + 1] =
+            std::array::from_fn(|i| 1.0 / (0..=S).filter(|&j| j != i).map(|j| all[i] - all[j]).product::<f64>());
         let slope = |x: f64| 1.0 + 2.0 * x - x * x + 5.0 * x * x * x;
         let value = |x: f64| x + x * x - x * x * x / 3.0 + 1.25 * x.powi(4);
-        let slopes = [0.0, NODES.c[0], NODES.c[1], NODES.c[2]].map(slope);
+        let slopes = all.map(slope);
         let found: f64 = third.iter().zip(slopes).map(|(w, f)| w * f).sum();
         assert!((found - 5.0).abs() < 1e-13);
         let z: [f64; S] = std::array::from_fn(|i| (0..S).map(|j| NODES.a[i][j] * slope(NODES.c[j])).sum());
         assert!((z[2] - value(1.0)).abs() < 1e-14);
         let estimate = slope(0.0) + ERROR.iter().zip(z).map(|(e, z)| e * z).sum::<f64>();
         assert!((estimate.abs() - 0.1 * 5.0).abs() < 1e-13, "{estimate}");
+        let second: f64 = NODES.second.iter().zip(z).map(|(w, z)| w * z).sum();
+        // of the cubic at three nodes: -1 and 5 times their sum
+        assert!((second - (-1.0 + 5.0 * NODES.c.iter().sum::<f64>())).abs() < 1e-12, "{second}");
     }
 }

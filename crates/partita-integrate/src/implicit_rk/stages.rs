@@ -33,6 +33,17 @@ pub(super) enum Iterated {
     Slow { rate: f64 },
 }
 
+/// Where the matrix of the iterations was made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Matrix {
+    /// Nowhere yet, or for another motion.
+    Missing,
+    /// In a step before.
+    Kept,
+    /// In this step.
+    OfThisStep,
+}
+
 /// A step whose stages are sought.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Task<'a> {
@@ -51,10 +62,10 @@ pub(super) struct StageSolver {
     dim: usize,
     /// Z, stage by stage.
     pub(super) z: Vec<f64>,
-    /// The rates changed to first order; `known` where they are those of the motion at hand.
+    /// The rates changed to first order.
     pub(super) linear: LinearRates,
-    pub(super) known: bool,
-    matrix: NewtonMatrix,
+    pub(super) matrix: Matrix,
+    factors: NewtonMatrix,
     /// rate / (1 − rate) of the last iterations.
     gain: f64,
     y: Vec<f64>,
@@ -79,8 +90,8 @@ impl StageSolver {
             dim,
             z: vec![0.0; S * dim],
             linear: LinearRates::default(),
-            known: false,
-            matrix: NewtonMatrix::default(),
+            matrix: Matrix::Missing,
+            factors: NewtonMatrix::default(),
             gain: 1.0,
             y: vec![0.0; dim],
             r: vec![0.0; S * dim],
@@ -99,21 +110,28 @@ impl StageSolver {
         at: (&[f64], &[f64]),
         sizes: &[f64],
     ) -> Result<(), RhsError<E>> {
-        self.known = false;
-        self.matrix.forget();
+        self.matrix = Matrix::Missing;
+        self.factors.forget();
         ode.linear_rates(t, at, sizes, &mut self.linear)?;
-        (self.known, self.gain) = (true, 1.0);
+        (self.matrix, self.gain) = (Matrix::OfThisStep, 1.0);
         self.x.resize(S * self.linear.count, 0.0);
         self.w.resize(S * self.linear.count, 0.0);
         Ok(())
     }
 
+    /// A matrix of a step before serves no longer.
+    pub(super) fn forget_kept(&mut self) {
+        if self.matrix == Matrix::Kept {
+            self.matrix = Matrix::Missing;
+        }
+    }
+
     /// Factors for steps of length h; true if they had to be made.
     pub(super) fn factor(&mut self, h: f64) -> Result<bool, Singular> {
-        if self.matrix.is_for(h) {
+        if self.factors.is_for(h) {
             return Ok(false);
         }
-        self.matrix.factor(&self.linear, h)?;
+        self.factors.factor(&self.linear, h)?;
         Ok(true)
     }
 
@@ -199,8 +217,8 @@ impl StageSolver {
         transformed(&T_INVERSE, &self.x, &mut self.w);
         let (own, pair) = self.w.split_at_mut(m);
         let (re, im) = pair.split_at_mut(m);
-        self.matrix.solve_real(&self.linear, own);
-        self.matrix.solve_complex(&self.linear, re, im);
+        self.factors.solve_real(&self.linear, own);
+        self.factors.solve_complex(&self.linear, re, im);
         transformed(&T, &self.w, &mut self.x);
         let mut largest = 0.0f64;
         for i in 0..S {
@@ -228,7 +246,7 @@ impl StageSolver {
         self.linear.lift(own, &mut self.row);
         x.iter_mut().zip(&self.row).for_each(|(x, lifted)| *x = (*x - lifted) * h / REAL);
         self.linear.couple(x, own);
-        self.matrix.solve_real(&self.linear, own);
+        self.factors.solve_real(&self.linear, own);
         self.linear.lift(own, x);
     }
 
