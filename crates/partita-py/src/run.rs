@@ -10,6 +10,7 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
+use partita_analysis::sensitivity::{self, Asked, Instant as At, Leg, Time};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::{Observe, Outcome, Status};
@@ -80,6 +81,8 @@ pub trait Reported: Send + Sync {
     fn size(&self) -> Size;
     /// The part that contains a time.
     fn at(&self, t: f64) -> &dyn Reported;
+    /// Its steps, for derivatives, with outputs at these times.
+    fn legs(&self, times: &[Time]) -> Result<Vec<Leg>, AnalysisError>;
     /// Whether it has several.
     fn is_divided(&self) -> bool {
         false
@@ -108,6 +111,23 @@ impl<S> RunLog<S> {
     /// Of a system whose functions, if it has some, need not be called one after the other.
     pub fn new(system: Arc<S>, log: SolutionLog, shared: bool) -> Self {
         Self { system, log, shared, reader: Mutex::new(None) }
+    }
+}
+
+impl<S: Balance + Send + Sync + 'static> RunLog<S> {
+    /// Its steps from `start` on, for derivatives.
+    pub fn leg(&self, start: At, times: &[Time]) -> Result<Leg, AnalysisError> {
+        let model = (self.system.clone() as Arc<dyn std::any::Any + Send + Sync>).downcast::<Model>();
+        let model = model.map_err(|_| {
+            let message = "derivatives of runs are those of mechanisms, not of systems given by matrices";
+            SystemError::argument("run", message.into())
+        })?;
+        let mut found = None;
+        self.read(&mut |log, reader| {
+            found = Some(Leg::new(&model, log, Some(reader), start.clone(), times)?);
+            Ok(())
+        })?;
+        found.map_or_else(|| Leg::new(&model, &self.log, None, start, times), Ok)
     }
 }
 
@@ -166,6 +186,10 @@ impl<S: Balance + Send + Sync + 'static> Reported for RunLog<S> {
     }
     fn at(&self, _: f64) -> &dyn Reported {
         self
+    }
+    fn legs(&self, times: &[Time]) -> Result<Vec<Leg>, AnalysisError> {
+        let start = self.log.outputs.first().map(At::of).unwrap_or_default();
+        Ok(vec![self.leg(start, times)?])
     }
 }
 
@@ -285,6 +309,31 @@ impl Account {
             })?;
             let [t, q, v] = rows;
             Ok((array(py, &[n], t), array(py, &[n, size.nq], q), array(py, &[n, size.nv], v)))
+        })
+    }
+    /// Values, rates and derivatives of what a text asks, row by row, at these times; `before` of some what happens there.
+    fn derivatives<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        times: PyReadonlyArray1<'py, f64>,
+        before: Vec<bool>,
+    ) -> PyResult<[Array<'py>; 3]> {
+        guarded(py, || {
+            let asked: Asked = serde_json::from_str(asked)
+                .map_err(|e| raise(py, "ArgumentError", &format!("derivatives: {e}"), &[("argument", "by".into())]))?;
+            let times = entries_of(&times);
+            let times: Vec<Time> = times.iter().zip(before).map(|(&t, before)| Time { t, before }).collect();
+            let (n, m, d) = (times.len(), asked.observables.len(), asked.directions.len());
+            let found = watched(py, |watch| {
+                let legs = self.run.legs(&times)?;
+                sensitivity::forward(&legs, n, &asked, watch)
+            })?;
+            Ok([
+                array(py, &[n, m], found.values),
+                array(py, &[n, m], found.rates),
+                array(py, &[n, m, d], found.along),
+            ])
         })
     }
     /// When the first step kept begins and the last one ends; None where none is.
