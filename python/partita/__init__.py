@@ -18,6 +18,7 @@ from . import errors, limits, partition, shapes, units
 from ._core import version as _version
 from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
+from .derivatives import at_end, end_time, integral, peak, start, start_rate
 from .events import Event, Lock, Release, SetInput, SetRates, Stop
 from .mechanism import Mechanism, load
 from .solver import Solver
@@ -51,18 +52,24 @@ __all__ = [
     "System",
     "TangentVelocities",
     "__version__",
+    "at_end",
     "catalogue",
     "compare",
     "draw",
+    "end_time",
     "errors",
+    "integral",
     "limits",
     "load",
     "load_result",
     "load_sweep",
     "partition",
+    "peak",
     "samples",
     "shapes",
     "simulate",
+    "start",
+    "start_rate",
     "sweep",
     "table",
     "units",

@@ -15,6 +15,7 @@ use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::{Observe, Outcome, Status};
 use partita_integrate::step_log::StepLog;
+use partita_model::carried::Observable;
 use partita_model::Model;
 use partita_system::event::Occurrence;
 use partita_system::options::TangentMap;
@@ -312,28 +313,46 @@ impl Account {
         })
     }
     /// Values, rates and derivatives of what a text asks, row by row, at these times; `before` of some what happens there.
+    /// Also integrals, and when something happens, with their derivatives.
     fn derivatives<'py>(
         &self,
         py: Python<'py>,
         asked: &str,
         times: PyReadonlyArray1<'py, f64>,
         before: Vec<bool>,
-    ) -> PyResult<[Array<'py>; 3]> {
+    ) -> PyResult<([Array<'py>; 3], [Vec<(f64, Vec<f64>)>; 2])> {
         guarded(py, || {
-            let asked: Asked = serde_json::from_str(asked)
-                .map_err(|e| raise(py, "ArgumentError", &format!("derivatives: {e}"), &[("argument", "by".into())]))?;
-            let times = entries_of(&times);
-            let times: Vec<Time> = times.iter().zip(before).map(|(&t, before)| Time { t, before }).collect();
+            let asked: Asked = read_asked(py, asked)?;
+            let times = times_of(&times, before);
             let (n, m, d) = (times.len(), asked.observables.len(), asked.directions.len());
             let found = watched(py, |watch| {
                 let legs = self.run.legs(&times)?;
                 sensitivity::forward(&legs, n, &asked, watch)
             })?;
-            Ok([
+            let arrays = [
                 array(py, &[n, m], found.values),
                 array(py, &[n, m], found.rates),
                 array(py, &[n, m, d], found.along),
-            ])
+            ];
+            Ok((arrays, [found.integrals, found.shifts]))
+        })
+    }
+    /// Values and rates at these times of what a text names.
+    fn observed<'py>(
+        &self,
+        py: Python<'py>,
+        observables: &str,
+        times: PyReadonlyArray1<'py, f64>,
+        before: Vec<bool>,
+    ) -> PyResult<[Array<'py>; 2]> {
+        guarded(py, || {
+            let observables: Vec<Observable> = read_asked(py, observables)?;
+            let (times, m) = (times_of(&times, before), observables.len());
+            let found = watched(py, |_| {
+                let legs = self.run.legs(&times)?;
+                sensitivity::observed(&legs, times.len(), &observables)
+            })?;
+            Ok(found.map(|x| array(py, &[times.len(), m], x)))
         })
     }
     /// When the first step kept begins and the last one ends; None where none is.
@@ -373,6 +392,16 @@ impl Account {
         }
         Ok(counters)
     }
+}
+
+/// What is asked of derivatives, as the Python package writes it.
+fn read_asked<T: serde::de::DeserializeOwned>(py: Python<'_>, text: &str) -> PyResult<T> {
+    serde_json::from_str(text)
+        .map_err(|e| raise(py, "ArgumentError", &format!("derivatives: {e}"), &[("argument", "by".into())]))
+}
+
+fn times_of(times: &PyReadonlyArray1<f64>, before: Vec<bool>) -> Vec<Time> {
+    entries_of(times).iter().zip(before).map(|(&t, before)| Time { t, before }).collect()
 }
 
 /// Asks after each step whether to go on.

@@ -282,6 +282,8 @@ pub trait ChosenRates<N> {
     fn accelerations(&mut self, t: N, q: &[N], v_independent: &[N]) -> Result<&[N]>;
     /// λ of all rows there.
     fn multipliers(&mut self, t: N, q: &[N], out: &mut [N]) -> Result<()>;
+    /// v and v' where the rates were evaluated last.
+    fn motion(&self) -> (&[N], &[N]);
 }
 
 impl<N: Scalar, L: LevelsOver<N>> ChosenRates<N> for Evaluation<'_, N, L> {
@@ -305,5 +307,8 @@ impl<N: Scalar, L: LevelsOver<N>> ChosenRates<N> for Evaluation<'_, N, L> {
     }
     fn multipliers(&mut self, t: N, q: &[N], out: &mut [N]) -> Result<()> {
         self.multipliers(t, q, out)
+    }
+    fn motion(&self) -> (&[N], &[N]) {
+        (&self.v, &self.vdot)
     }
 }

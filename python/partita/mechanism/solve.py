@@ -123,7 +123,15 @@ def assemble(
         found = assemble(self, targets, rates, **also, parameters=parameters)
         there = _converted(self, found, coordinates, parameters)
         return State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
-    return State(time, q, v, layout=layout, assembly={**json.loads(report), "remarks": doubts})
+    found = State(time, q, v, layout=layout, assembly={**json.loads(report), "remarks": doubts})
+    found.held = _held(levels, rates)
+    return found
+
+
+def _held(levels: list[Any], rates: Any) -> tuple[str, ...]:
+    """The joints whose positions or rates were asked for."""
+    asked_for = [key for level in [*levels, rates or {}] for key in level]
+    return tuple(dict.fromkeys(str(getattr(key, "name", key)) for key in asked_for if not isinstance(key, tuple)))
 
 
 def _levels(targets: Any) -> list[Any]:
@@ -518,6 +526,9 @@ def simulate(
         events=() if watched is None else watched.names,
         looks=self._looks(),
     )
+    result._held = start.held
+    if watched is not None:
+        result._formulas = {one["name"]: one["formula"] for one in json.loads(watched.text)}
     if logger.isEnabledFor(INFO):  # what it says is computed when it is read
         outputs, steps = len(result.t), result.counters.get("steps", 0)
         logger.info("%s: %s after %d outputs and %d steps", self.name, result.status, outputs, steps)

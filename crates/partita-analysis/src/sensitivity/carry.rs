@@ -63,6 +63,10 @@ impl State {
     }
 }
 
+/// What gathers an integral: gets a weight, a time, coordinates, and the rates evaluated there.
+pub type Gather<'g> =
+    &'g mut dyn FnMut(f64, f64, &[Carried], &mut dyn ChosenRates<Carried>) -> Result<(), AnalysisError>;
+
 /// The rates of the steps of a leg for one choice after the other.
 pub struct Rates<'e> {
     model: &'e Model,
@@ -120,8 +124,15 @@ impl<'e> Rates<'e> {
         state.q.iter().copied().chain(choice.independent.iter().map(|&i| state.v[i])).collect()
     }
 
-    /// The state at the end of a step from `state` on, or at an earlier time, whose values are known.
-    pub fn arrived(&self, stride: &Stride, state: &State, to: &Instant) -> Result<State, AnalysisError> {
+    /// The state at the end of a step from `state` on, or at an earlier time, whose values are known; `gather` gets the weight
+    /// of each stage in an integral over the step, and the stage.
+    pub fn arrived(
+        &self,
+        stride: &Stride,
+        state: &State,
+        to: &Instant,
+        mut gather: Option<Gather>,
+    ) -> Result<State, AnalysisError> {
         let mut x = self.of(&stride.choice);
         let (t, h) = (stride.from.t, to.t - stride.from.t);
         let y = Self::independent(stride.choice.choice(), state);
@@ -132,12 +143,16 @@ impl<'e> Rates<'e> {
                 for (c, row) in scheme.c.iter().zip(&scheme.a) {
                     let stage = advanced(&y, h, row, &slopes);
                     slopes.push(self.slope(&mut *x, t + c * h, &stage)?);
+                    if let Some(gather) = &mut gather {
+                        gather(h * scheme.b[slopes.len() - 1], t + c * h, &stage[..self.nq], &mut *x)?;
+                    }
                 }
                 advanced(&y, h, &scheme.b, &slopes)
             }
             (true, false) => {
                 let guess = (to.t == stride.t_end).then_some((&stride.taken.states[..], stride.dim));
                 let slopes = self.implicit(&mut *x, scheme, (t, h), &y, guess)?;
+                self.gathered(&mut *x, scheme, (t, h), (&y, &slopes), &mut gather)?;
                 advanced(&y, h, &scheme.b, &slopes)
             }
             // its polynomial: other nodes may lie next to the singular position
@@ -145,10 +160,29 @@ impl<'e> Rates<'e> {
                 let whole = stride.t_end - t;
                 let guess = Some((&stride.taken.states[..], stride.dim));
                 let slopes = self.implicit(&mut *x, scheme, (t, whole), &y, guess)?;
+                self.gathered(&mut *x, scheme, (t, whole), (&y, &slopes), &mut gather)?;
                 advanced(&y, whole, &weights_until(scheme, h / whole), &slopes)
             }
         };
         self.closed(&mut *x, end, to)
+    }
+
+    /// The stages of an implicit step, gathered.
+    fn gathered(
+        &self,
+        x: &mut dyn ChosenRates<Carried>,
+        scheme: &Scheme,
+        (t, h): (f64, f64),
+        (y, slopes): (&[Carried], &[Vec<Carried>]),
+        gather: &mut Option<Gather>,
+    ) -> Result<(), AnalysisError> {
+        let Some(gather) = gather else { return Ok(()) };
+        for ((c, row), b) in scheme.c.iter().zip(&scheme.a).zip(&scheme.b) {
+            let stage = advanced(y, h, row, slopes);
+            self.slope(x, t + c * h, &stage)?;
+            gather(h * b, t + c * h, &stage[..self.nq], x)?;
+        }
+        Ok(())
     }
 
     /// A state that is closed, of (q, v_I) with derivatives, its values known.                       (34, P2)
@@ -274,6 +308,7 @@ pub fn along(
     leg: &Leg,
     rates: &Rates,
     mut state: State,
+    mut gather: Option<Gather>,
     take: &mut dyn FnMut(usize, &Instant, &State, &Arc<OwnedChoice>) -> Result<(), AnalysisError>,
 ) -> Result<State, AnalysisError> {
     if let Some(stride) = leg.strides.first() {
@@ -284,11 +319,15 @@ pub fn along(
     for (i, stride) in leg.strides.iter().enumerate() {
         let next = leg.strides.get(i + 1).map_or(&leg.end, |next| &next.from);
         state.put_at(&stride.from);
-        let end = rates.arrived(stride, &state, &Instant { t: stride.t_end, ..next.clone() })?;
+        let to = Instant { t: stride.t_end, ..next.clone() };
+        let end = match &mut gather {
+            Some(gather) => rates.arrived(stride, &state, &to, Some(&mut **gather))?,
+            None => rates.arrived(stride, &state, &to, None)?,
+        };
         for (number, at) in &stride.outputs {
             match at.t == stride.t_end {
                 true => take(*number, at, &end, &stride.choice)?,
-                false => take(*number, at, &rates.arrived(stride, &state, at)?, &stride.choice)?,
+                false => take(*number, at, &rates.arrived(stride, &state, at, None)?, &stride.choice)?,
             }
         }
         state = end;

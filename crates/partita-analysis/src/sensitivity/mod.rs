@@ -16,7 +16,9 @@ use partita_model::carried::{Carried, CarriedState, Observable, Observers, CARRI
 use partita_model::spec::Measure;
 use partita_model::{Evaluator, Model};
 use partita_system::choice::OwnedChoice;
+use partita_math::scalar::Scalar;
 use partita_system::prelude::*;
+use partita_system::rates::ChosenRates;
 use serde::Deserialize;
 
 pub use jump::{Jump, Reason};
@@ -36,16 +38,29 @@ pub struct Direction {
     pub end: f64,
 }
 
+/// What may be held at the start.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Gauge {
+    /// A measure.
+    Measure(Measure),
+    /// A velocity of the mechanism, by its number, and its coordinate.
+    Velocity(usize),
+}
+
 /// What is asked.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Asked {
     /// What is held at the start, and the names of that.
-    pub held: Vec<(String, Measure)>,
+    pub held: Vec<(String, Gauge)>,
     /// Directions.
     pub directions: Vec<Direction>,
     /// What is observed.
     pub observables: Vec<Observable>,
+    /// What is integrated over the run.
+    #[serde(default)]
+    pub integrals: Vec<Observable>,
 }
 
 /// Values and derivatives at each time.
@@ -57,6 +72,10 @@ pub struct Derivatives {
     pub rates: Vec<f64>,
     /// Derivatives of each along each direction, time by time, observable by observable.
     pub along: Vec<f64>,
+    /// Integrals, each with its derivatives.
+    pub integrals: Vec<(f64, Vec<f64>)>,
+    /// When something happens between two legs, with the derivatives of that.
+    pub shifts: Vec<(f64, Vec<f64>)>,
 }
 
 /// Derivatives at so many times along the legs of a run.
@@ -66,7 +85,13 @@ pub struct Derivatives {
 pub fn forward(legs: &[Leg], count: usize, asked: &Asked, watch: Watch) -> Result<Derivatives, AnalysisError> {
     let (m, d) = (asked.observables.len(), asked.directions.len());
     let unknown = |n: usize| vec![f64::NAN; n];
-    let mut out = Derivatives { values: unknown(count * m), rates: unknown(count * m), along: unknown(count * m * d) };
+    let mut out = Derivatives {
+        values: unknown(count * m),
+        rates: unknown(count * m),
+        along: unknown(count * m * d),
+        integrals: vec![(f64::NAN, unknown(d)); asked.integrals.len()],
+        shifts: Vec::new(),
+    };
     for first in (0..d.max(1)).step_by(CARRIED) {
         watch()?;
         let directions = &asked.directions[first.min(d)..d.min(first + CARRIED)];
@@ -79,9 +104,50 @@ pub fn forward(legs: &[Leg], count: usize, asked: &Asked, watch: Watch) -> Resul
                 }
             }
         };
-        carried(legs, asked, directions, &mut take)?;
+        let Carrying { integrals, shifts } = carried(legs, asked, directions, &mut take)?;
+        for (to, x) in out.integrals.iter_mut().zip(&integrals) {
+            to.0 = x.re;
+            (0..directions.len()).for_each(|l| to.1[first + l] = x.eps[l]);
+        }
+        if out.shifts.is_empty() {
+            out.shifts.extend(shifts.iter().map(|(t, _)| (*t, unknown(d))));
+        }
+        for (to, (_, shift)) in out.shifts.iter_mut().zip(&shifts) {
+            to.1[first..first + directions.len()].copy_from_slice(&shift[..directions.len()]);
+        }
     }
     Ok(out)
+}
+
+/// Values and total rates at so many times along the legs of a run, time by time.
+///
+/// # Errors
+/// Where something cannot be evaluated.
+pub fn observed(legs: &[Leg], count: usize, observables: &[Observable]) -> Result<[Vec<f64>; 2], AnalysisError> {
+    let m = observables.len();
+    let [mut values, mut rates] = [vec![f64::NAN; count * m], vec![f64::NAN; count * m]];
+    for leg in legs {
+        let e = leg.model.carrying(&[])?;
+        let plain = Rates::new(&leg.model, &e, (leg.model.size().nq, leg.model.size().holonomic));
+        let mut read = Reader::new(leg, observables, (&plain, &plain))?;
+        let first = leg.strides.first().map(|x| (&leg.first, &x.choice));
+        let all = first.into_iter().chain(leg.strides.iter().map(|x| (&x.outputs, &x.choice)));
+        for (outputs, choice) in all {
+            for (number, at) in outputs {
+                read.read(at, &State::constant(at), choice)?;
+                let to = number * m..(number + 1) * m;
+                values[to.clone()].iter_mut().zip(&read.observed).for_each(|(to, x)| *to = x.re);
+                rates[to].copy_from_slice(&read.rates);
+            }
+        }
+    }
+    Ok([values, rates])
+}
+
+/// What is gathered along a run beside outputs.
+struct Carrying {
+    integrals: Vec<Carried>,
+    shifts: Vec<(f64, Shift)>,
 }
 
 /// The numbers of parameters with derivatives along directions.
@@ -129,8 +195,14 @@ impl Equations {
 }
 
 /// Along at most so many directions as are carried together.
-fn carried(legs: &[Leg], asked: &Asked, directions: &[Direction], take: Take) -> Result<(), AnalysisError> {
-    let (names, measures): (Vec<String>, Vec<Measure>) = asked.held.iter().cloned().unzip();
+fn carried(
+    legs: &[Leg],
+    asked: &Asked,
+    directions: &[Direction],
+    take: Take,
+) -> Result<Carrying, AnalysisError> {
+    let mut found = Carrying { integrals: vec![constant(0.0); asked.integrals.len()], shifts: Vec::new() };
+    let (names, gauges): (Vec<String>, Vec<Gauge>) = asked.held.iter().cloned().unzip();
     let all = legs.iter().map(|leg| Equations::new(leg, directions)).collect::<Result<Vec<_>, _>>()?;
     let mut state: Option<State> = None;
     // the last step taken, with its leg, and when what happens there happens
@@ -144,21 +216,30 @@ fn carried(legs: &[Leg], asked: &Asked, directions: &[Direction], take: Take) ->
         if let Some(stride) = leg.strides.first() {
             let from = match state.take() {
                 None => {
-                    let held = start::Held { measures: &measures, names: &names };
+                    let held = start::Held { gauges: &gauges, names: &names };
                     start::started(leg, (e, &rates), &held, directions)?
                 }
                 Some(mut at) => {
                     if let Some(shift) = shift.take() {
                         let side = Side { model: &leg.model, rates: &plain, stride };
                         jump::moved(&mut at, &side.motion(&stride.from)?, &shift, -1.0);
+                        add_ends(&mut found, leg, (&plain, &stride.choice), (&stride.from, asked), &shift, -1.0)?;
                     }
                     at.put_at(&stride.from);
                     rates.keep(&stride.choice, stride.from.t, &at.q)?;
                     at
                 }
             };
-            let mut read = Reader::new(leg, asked, (&rates, &plain))?;
-            state = Some(along(leg, &rates, from, &mut |number, at, state, choice| {
+            let mut read = Reader::new(leg, &asked.observables, (&rates, &plain))?;
+            let mut integrands = Reader::new(leg, &asked.integrals, (&rates, &plain))?;
+            let integrals = &mut found.integrals;
+            let mut gather = |weight: f64, t: f64, q: &[Carried], x: &mut dyn ChosenRates<Carried>| {
+                integrands.read_stage(t, q, x)?;
+                integrals.iter_mut().zip(&integrands.observed).for_each(|(to, x)| *to += x.scale(weight));
+                Ok(())
+            };
+            let gather: Option<carry::Gather> = if asked.integrals.is_empty() { None } else { Some(&mut gather) };
+            state = Some(along(leg, &rates, from, gather, &mut |number, at, state, choice| {
                 read.read(at, state, choice)?;
                 take(number, &read.observed, &read.rates);
                 Ok(())
@@ -172,12 +253,34 @@ fn carried(legs: &[Leg], asked: &Asked, directions: &[Direction], take: Take) ->
             let stride = legs[last].strides.last().ok_or(AnalysisError::Argument { argument: "run", message: String::new() })?;
             let sides = [&rates, &plain].map(|rates| Side { model: &leg.model, rates, stride });
             at.put_at(&leg.end);
-            let found = jump::shift(jump, &sides[0], (&sides[1], [&whole[0], &whole[1]]), at, &leg.end)?;
-            jump::moved(at, &sides[1].motion(&leg.end)?, &found, 1.0);
-            shift = Some(found);
+            let when = jump::shift(jump, &sides[0], (&sides[1], [&whole[0], &whole[1]]), at, &leg.end)?;
+            jump::moved(at, &sides[1].motion(&leg.end)?, &when, 1.0);
+            add_ends(&mut found, leg, (&plain, &stride.choice), (&leg.end, asked), &when, 1.0)?;
+            found.shifts.push((leg.end.t, when));
+            shift = Some(when);
         }
         at.v = jump::thrown(jump, &whole[0], at, leg.end.t, &after.v)?;
         at.put_at(after);
+    }
+    Ok(found)
+}
+
+/// What an integral gains where its end moves.
+fn add_ends(
+    found: &mut Carrying,
+    leg: &Leg,
+    (plain, choice): (&Rates, &OwnedChoice),
+    (at, asked): (&Instant, &Asked),
+    shift: &Shift,
+    sign: f64,
+) -> Result<(), AnalysisError> {
+    if asked.integrals.is_empty() {
+        return Ok(());
+    }
+    let mut read = Reader::new(leg, &asked.integrals, (plain, plain))?;
+    read.read(at, &State::constant(at), choice)?;
+    for (to, x) in found.integrals.iter_mut().zip(&read.observed) {
+        (0..CARRIED).for_each(|l| to.eps[l] += sign * x.re * shift[l]);
     }
     Ok(())
 }
@@ -192,9 +295,13 @@ struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    fn new(leg: &Leg, asked: &Asked, rates_of: (&'a Rates<'a>, &'a Rates<'a>)) -> Result<Self, AnalysisError> {
-        let make = |rates: &Rates| leg.model.observers(rates.equations(), &asked.observables, "objective");
-        let count = asked.observables.len();
+    fn new(
+        leg: &Leg,
+        observables: &[Observable],
+        rates_of: (&'a Rates<'a>, &'a Rates<'a>),
+    ) -> Result<Self, AnalysisError> {
+        let make = |rates: &Rates| leg.model.observers(rates.equations(), observables, "objective");
+        let count = observables.len();
         Ok(Self {
             observers: [make(rates_of.0)?, make(rates_of.1)?],
             rates_of,
@@ -202,6 +309,19 @@ impl<'a> Reader<'a> {
             observed: vec![constant(0.0); count],
             rates: vec![0.0; count],
         })
+    }
+
+    /// At a stage of a step, whose rates were evaluated last.
+    fn read_stage(&mut self, t: f64, q: &[Carried], x: &mut dyn ChosenRates<Carried>) -> Result<(), AnalysisError> {
+        let (t, e) = (constant(t), self.rates_of.0.equations());
+        let mut lambda = vec![constant(0.0); self.rows];
+        if self.observers[0].reads_forces() {
+            x.multipliers(t, q, &mut lambda)?;
+        }
+        let (v, vdot) = x.motion();
+        let at = CarriedState { t, q, v, forces: Some((vdot, &lambda)) };
+        self.observers[0].read(e, &mut e.scratch(), &at, &mut self.observed)?;
+        Ok(())
     }
 
     /// At a state, with the coordinates in use.

@@ -6,21 +6,21 @@
 
 use super::carry::{constant, put_values, Rates, State};
 use super::trail::Leg;
-use super::Direction;
+use super::{Direction, Gauge};
 use crate::error::AnalysisError;
 use partita_math::dense::{lu, lu_pivot_ratio, lu_solve};
 use partita_math::tolerance;
 use partita_model::carried::{Carried, CarriedState, Observable, CARRIED};
 use partita_model::event_functions::Formula;
-use partita_model::spec::Measure;
 use partita_model::Evaluator;
+use partita_system::prelude::*;
 use partita_system::rates::ChosenRates;
 use partita_system::SystemError;
 
 /// What is held at the start.
 pub struct Held<'h> {
-    /// Coordinates, as many as degrees of freedom.
-    pub measures: &'h [Measure],
+    /// As many as degrees of freedom.
+    pub gauges: &'h [Gauge],
     /// Their names, for messages.
     pub names: &'h [String],
 }
@@ -29,16 +29,25 @@ pub struct Held<'h> {
 struct Gauges<'e> {
     e: &'e Evaluator<Carried>,
     observers: partita_model::carried::Observers,
-    count: usize,
+    /// Number of a measure, or of a velocity with its coordinate, if it has one.
+    all: Vec<Result<usize, (usize, Option<usize>)>>,
+    measures: usize,
 }
 
 impl Gauges<'_> {
     /// All at a state.
     fn read(&self, t: f64, q: &[Carried], v: &[Carried]) -> Result<(Vec<Carried>, Vec<Carried>), SystemError> {
-        let (mut s, mut out) = (self.e.scratch(), vec![constant(0.0); 2 * self.count]);
+        let (mut s, mut out) = (self.e.scratch(), vec![constant(0.0); 2 * self.measures]);
         self.observers.read(self.e, &mut s, &CarriedState { t: constant(t), q, v, forces: None }, &mut out)?;
-        let rates = out.split_off(self.count);
-        Ok((out, rates))
+        let position = |x: &Result<usize, (usize, Option<usize>)>| match x {
+            Ok(i) => out[*i],
+            Err((_, coordinate)) => coordinate.map_or(constant(0.0), |i| q[i]),
+        };
+        let rate = |x: &Result<usize, (usize, Option<usize>)>| match x {
+            Ok(i) => out[self.measures + i],
+            Err((i, _)) => v[*i],
+        };
+        Ok((self.all.iter().map(position).collect(), self.all.iter().map(rate).collect()))
     }
 }
 
@@ -55,20 +64,33 @@ pub fn started(
     let Some(stride) = leg.strides.first() else { return Ok(State::constant(&leg.end)) };
     let (from, choice) = (&stride.from, stride.choice.choice());
     let k = choice.k();
-    if held.measures.len() != k {
+    if held.gauges.len() != k {
         let message = format!(
             "{} coordinates are held at the start ({}), but the mechanism has {k} degrees of freedom; name as many joints \
              as that",
-            held.measures.len(),
+            held.gauges.len(),
             held.names.join(", ")
         );
         return Err(AnalysisError::Argument { argument: "held", message });
     }
     let mut x = rates.of(&stride.choice);
-    let position = |m: &Measure| Observable::Formula(Formula::Position(m.clone()));
-    let rate = |m: &Measure| Observable::Formula(Formula::Velocity(m.clone()));
-    let all: Vec<Observable> = held.measures.iter().map(position).chain(held.measures.iter().map(rate)).collect();
-    let gauges = Gauges { e, observers: leg.model.observers(e, &all, "start")?, count: k };
+    let (mut measures, mut all) = (Vec::new(), Vec::with_capacity(k));
+    for gauge in held.gauges {
+        all.push(match gauge {
+            Gauge::Measure(measure) => {
+                measures.push(measure.clone());
+                Ok(measures.len() - 1)
+            }
+            Gauge::Velocity(i) => {
+                let own = leg.model.structure().coordinates_of(*i);
+                Err((*i, (own.len() == 1).then_some(own.start)))
+            }
+        });
+    }
+    let positions = measures.iter().map(|m| Observable::Formula(Formula::Position(m.clone())));
+    let speeds = measures.iter().map(|m| Observable::Formula(Formula::Velocity(m.clone())));
+    let read: Vec<Observable> = positions.chain(speeds).collect();
+    let gauges = Gauges { e, observers: leg.model.observers(e, &read, "start")?, all, measures: measures.len() };
     let still = State::constant(from);
     // closed for the numbers, independent coordinates as they are
     let u: Vec<Carried> = choice.independent.iter().map(|&i| still.v[i]).collect();
