@@ -9,7 +9,7 @@ use crate::measurement::{Maker, Measurement};
 use crate::model::Model;
 use crate::spec::Measure;
 use crate::wrench::Wrench;
-use partita_math::scalar::{Cases, Dual, Scalar};
+use partita_math::scalar::{Cases, Dual, Recorder, Recording, Scalar};
 use partita_math::spatial::Spatial;
 use partita_system::choice::Choice;
 use partita_system::prelude::*;
@@ -67,32 +67,38 @@ impl Observed {
     }
 
     /// Its value for measures with their rates, wrenches and multipliers; NaN where there are none of these.
-    fn value(
-        &self,
-        t: Carried,
-        measures: &[[Carried; 2]],
-        forces: Option<(&[Wrench<Carried>], &[Carried])>,
-    ) -> Carried {
+    fn value<S: Scalar>(&self, t: S, measures: &[[S; 2]], forces: Option<(&[Wrench<S>], &[S])>) -> S {
         let of = |x: &Self| x.value(t, measures, forces);
         match (self, forces) {
             (Self::Formula(formula), _) => formula.over(t, measures),
             (Self::Wrench(joint, i), Some((joints, _))) => {
                 let (force, moment) = (&joints[*joint].force.0, &joints[*joint].moment.0);
-                force.iter().chain(moment).nth(*i).copied().unwrap_or(Dual::constant(f64::NAN))
+                force.iter().chain(moment).nth(*i).copied().unwrap_or(S::from_f64(f64::NAN))
             }
             (Self::Effort(row), Some((_, lambda))) => lambda[*row],
-            (Self::Wrench(..) | Self::Effort(_), None) => Dual::constant(f64::NAN),
-            (Self::Sum(parts), _) => parts.iter().fold(Carried::zero(), |sum, x| sum + of(x)),
-            (Self::Product(parts), _) => parts.iter().fold(Carried::one(), |product, x| product * of(x)),
+            (Self::Wrench(..) | Self::Effort(_), None) => S::from_f64(f64::NAN),
+            (Self::Sum(parts), _) => parts.iter().fold(S::zero(), |sum, x| sum + of(x)),
+            (Self::Product(parts), _) => parts.iter().fold(S::one(), |product, x| product * of(x)),
             (Self::Quotient(parts), _) => of(&parts[0]) / of(&parts[1]),
-            (Self::Norm(parts), _) => parts.iter().fold(Carried::zero(), |sum, x| sum.hypot(of(x))),
+            (Self::Norm(parts), _) => parts.iter().fold(S::zero(), |sum, x| sum.hypot(of(x))),
         }
     }
 }
 
+/// The pieces of a step of one choice of coordinates as recordings, whose inputs are t, q, v_I and the numbers of some
+/// parameters, one after the other.
+pub struct StepRecordings {
+    /// q' and v_I' inside a step.
+    pub rates: Recording,
+    /// q and v at the end, closed.                                                          (34, P2)
+    pub end: Recording,
+    /// What is integrated.
+    pub integrands: Recording,
+}
+
 /// Observables over numbers with derivatives.
-pub struct Observers {
-    measures: Vec<Measurement<Spatial<Carried>>>,
+pub struct Observers<S: Scalar = Carried> {
+    measures: Vec<Measurement<Spatial<S>>>,
     all: Vec<Observed>,
 }
 
@@ -118,16 +124,80 @@ impl Model {
     ///
     /// # Errors
     /// Where a joint, body or drive does not exist, and for functions of the user, which have no derivative.
-    pub fn observers(
+    pub fn observers<S: Scalar>(
         &self,
-        e: &Evaluator<Carried>,
+        e: &Evaluator<S>,
         observables: &[Observable],
         name: &str,
-    ) -> Result<Observers, DescriptionError> {
-        let maker = Maker::<Spatial<Carried>>::new(&self.spec, &e.placed, &e.numbers, &e.full)?;
+    ) -> Result<Observers<S>, DescriptionError> {
+        let maker = Maker::<Spatial<S>>::new(&self.spec, &e.placed, &e.numbers, &e.full)?;
         let mut making = Making { model: self, maker, name, known: Vec::new(), measures: Vec::new() };
         let all = observables.iter().map(|x| making.observed(x)).collect::<Result<_, _>>()?;
         Ok(Observers { measures: making.measures, all })
+    }
+
+    /// The pieces of a step of a choice, of these parameters and what is integrated.
+    ///
+    /// # Errors
+    /// As [`over_with`](Self::over_with), and for functions that are known in `f64` alone.
+    pub fn step_recordings(
+        &self,
+        choice: Choice,
+        parameters: &[(String, usize)],
+        integrals: &[Observable],
+    ) -> Result<StepRecordings, DescriptionError> {
+        let (size, k) = (self.size(), choice.k());
+        let (nq, first) = (size.nq, 1 + size.nq + k);
+        let inputs = first + parameters.iter().map(|p| p.1).sum::<usize>();
+        type Recorded<'a> =
+            dyn Fn(&Evaluator<Recorder>, Recorder, &[Recorder], &[Recorder]) -> Result<Vec<Recorder>, SystemError> + 'a;
+        let record = |f: &Recorded| {
+            let made = Recording::new(inputs, |x| {
+                let mut next = first;
+                let named = |(name, count): &'_ (String, usize)| {
+                    next += count;
+                    (name.clone(), &x[next - count..next])
+                };
+                let all: Vec<(String, &[Recorder])> = parameters.iter().map(named).collect();
+                let changes: Vec<(&str, &[Recorder])> = all.iter().map(|(name, x)| (name.as_str(), *x)).collect();
+                let e = self.over_with::<Recorder>(&changes)?;
+                f(&e, x[0], &x[1..1 + nq], &x[1 + nq..first]).map_err(|e| {
+                    DescriptionError::new("mechanism", &self.spec.name, format!("its equations cannot be recorded: {e}"))
+                })
+            })?;
+            Ok::<_, DescriptionError>(made.lean())
+        };
+        // names are checked before, as errors of a recording are those of its equations
+        self.observers(&self.over_with::<Recorder>(&[])?, integrals, "objective")?;
+        Ok(StepRecordings {
+            rates: record(&|e, t, q, u| {
+                let mut out = vec![Recorder::zero(); nq + k];
+                self.evaluation(e, choice).rates(t, q, u, &mut out)?;
+                Ok(out)
+            })?,
+            end: record(&|e, t, q, u| {
+                let (mut q, mut x) = (q.to_vec(), self.evaluation(e, choice));
+                e.normalise(&mut q);
+                x.correct(t, &mut q)?;
+                x.velocities(t, &q, u)?;
+                Ok([q, x.v].concat())
+            })?,
+            integrands: record(&|e, t, q, u| {
+                let (mut x, mut out) = (self.evaluation(e, choice), vec![Recorder::zero(); integrals.len()]);
+                if integrals.is_empty() {
+                    return Ok(out);
+                }
+                let mut lambda = vec![Recorder::zero(); size.rows];
+                x.levels(t, q, u)?;
+                x.multipliers(t, q, &mut lambda)?;
+                let observers = self.observers(e, integrals, "objective").map_err(|e| {
+                    SystemError::argument("objective", e.to_string())
+                })?;
+                let at = CarriedState { t, q, v: &x.v, forces: Some((&x.vdot, &lambda)) };
+                observers.read(e, &mut e.scratch(), &at, &mut out)?;
+                Ok(out)
+            })?,
+        })
     }
 
     /// M, C and a at a state, M and C row by row.
@@ -157,12 +227,12 @@ impl Model {
     }
 
     /// A measure, or a rate of rotation about an axis of the child, which has no position.
-    fn measured(
+    fn measured<S: Scalar>(
         &self,
-        maker: &Maker<Spatial<Carried>>,
+        maker: &Maker<Spatial<S>>,
         measure: &Measure,
         name: &str,
-    ) -> Result<Measurement<Spatial<Carried>>, DescriptionError> {
+    ) -> Result<Measurement<Spatial<S>>, DescriptionError> {
         if let Measure::Joint { joint, coordinate } = measure {
             if let Some((j, component)) = maker.turn_in_space(joint, *coordinate, name)? {
                 let p = &self.own.placed.joints[j];
@@ -175,16 +245,16 @@ impl Model {
 }
 
 /// Observers while they are made.
-struct Making<'a> {
+struct Making<'a, S: Scalar> {
     model: &'a Model,
-    maker: Maker<'a, Spatial<Carried>>,
+    maker: Maker<'a, Spatial<S>>,
     /// What asks for them.
     name: &'a str,
     known: Vec<Measure>,
-    measures: Vec<Measurement<Spatial<Carried>>>,
+    measures: Vec<Measurement<Spatial<S>>>,
 }
 
-impl Making<'_> {
+impl<S: Scalar> Making<'_, S> {
     fn refused(&self, message: String) -> DescriptionError {
         DescriptionError::new("objective", self.name, message)
     }
@@ -244,18 +314,18 @@ impl Making<'_> {
 
 /// A state with derivatives, its accelerations and multipliers where forces are observed.
 #[derive(Clone, Copy)]
-pub struct CarriedState<'a> {
+pub struct CarriedState<'a, S = Carried> {
     /// Time.
-    pub t: Carried,
+    pub t: S,
     /// Coordinates.
-    pub q: &'a [Carried],
+    pub q: &'a [S],
     /// Velocities.
-    pub v: &'a [Carried],
+    pub v: &'a [S],
     /// v' and λ of all rows.
-    pub forces: Option<(&'a [Carried], &'a [Carried])>,
+    pub forces: Option<(&'a [S], &'a [S])>,
 }
 
-impl Observers {
+impl<S: Scalar> Observers<S> {
     /// Whether accelerations and multipliers are needed.
     pub fn reads_forces(&self) -> bool {
         self.all.iter().any(Observed::reads_forces)
@@ -267,17 +337,17 @@ impl Observers {
     /// Where forces cannot be evaluated.
     pub fn read(
         &self,
-        e: &Evaluator<Carried>,
-        s: &mut Scratch<Carried>,
-        at: &CarriedState,
-        out: &mut [Carried],
+        e: &Evaluator<S>,
+        s: &mut Scratch<S>,
+        at: &CarriedState<S>,
+        out: &mut [S],
     ) -> Result<(), SystemError> {
         e.look(at.q, at.v, s);
         let wrenches = match at.forces.filter(|_| self.reads_forces()) {
             Some((vdot, lambda)) => Some((e.reactions(at.t, at.q, at.v, vdot, lambda, s)?.joints, lambda)),
             None => None,
         };
-        let read: Vec<[Carried; 2]> = self
+        let read: Vec<[S; 2]> = self
             .measures
             .iter()
             .map(|m| [m.value(&e.full, &s.full, at.q), m.rate(&e.full, &s.full, at.v)])

@@ -10,7 +10,7 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
-use partita_analysis::sensitivity::{self, Asked, Instant as At, Leg, Time};
+use partita_analysis::sensitivity::{self, Asked, Instant as At, Leg, Time, Weights};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::{Observe, Outcome, Status};
@@ -335,6 +335,25 @@ impl Account {
                 array(py, &[n, m, d], found.along),
             ];
             Ok((arrays, [found.integrals, found.shifts]))
+        })
+    }
+    /// The derivatives of a weighed sum of what a text asks, backwards.
+    fn gradient<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        weights: &str,
+        times: PyReadonlyArray1<'py, f64>,
+        before: Vec<bool>,
+    ) -> PyResult<Array<'py>> {
+        guarded(py, || {
+            let (asked, weights): (Asked, Weights) = (read_asked(py, asked)?, read_asked(py, weights)?);
+            let times = times_of(&times, before);
+            let found = watched(py, |watch| {
+                let legs = self.run.legs(&times)?;
+                sensitivity::backward(&legs, &asked, &weights, watch)
+            })?;
+            Ok(array(py, &[found.len()], found))
         })
     }
     /// Values and rates at these times of what a text names.

@@ -22,10 +22,12 @@ from ..results.sensitivities import (
     Number,
     Observable,
     Observing,
+    backward,
     derivatives,
     held_of,
     largest,
-    number_of,
+    numbers_of,
+    observed,
 )
 from ..state import State
 from .models import Modelled
@@ -33,9 +35,12 @@ from .solve import assemble, simulate
 
 Array = NDArray[np.float64]
 METHODS = ("auto", "forward", "adjoint")
-CHECKED = 1e-5
-"""Changes of numbers by which a gradient is checked. Scale: the number, or 1. Reason: errors of differences of runs and of
-their curvature are about as large as each other."""
+FEW = 16
+"""Numbers up to which derivatives are carried forwards. Unit: number. Reason: two passes with eight each cost about as much as
+the recordings of one backwards."""
+CHECKED = 1e-4
+"""Changes of numbers by which a gradient is checked. Scale: the number, or 1. Reason: extrapolated once, the error of
+differences is as small as what a run at these tolerances leaves."""
 SECOND = 1e-3
 """Changes of numbers by which gradients are differenced for second derivatives. Scale: the number, or 1. Reason: with two
 extrapolations the curvature of what is differenced is as small as the noise of its last digits."""
@@ -102,9 +107,8 @@ def gradient(
     case = _Case(self, objective(of), duration, initial, tuple(events or ()), dict(parameters or {}), rtol, atol, options)
     run = case.run({}, case.initial)
     given = [by] if isinstance(by, str | Start | StartRate | EndTime) else list(by)
-    model = run._source.model  # type: ignore[union-attr]
     gauges = held_of(run, held)
-    numbers = [number_of(key, dict(model.parameters()), run._record.spec or {}, gauges) for key in given]
+    numbers = numbers_of(given, run, gauges)
     found = case.derived(run, numbers, gauges, chosen)
     agrees = case.checked(run, numbers, gauges, found[1]) if check else None
     hessian, error = case.second(run, numbers, gauges, chosen) if second else (None, None)
@@ -167,8 +171,7 @@ class _Case:
         count = sum(len(number.directions) for number in numbers)
         leaves = _Leaves(run, numbers, held, count)
         leaves.gather(self.objective)
-        leaves.compute(method)
-        value, along = leaves.value(self.objective)
+        value, along = leaves.compute(self.objective, method)
         return value, along, leaves.method
 
     def _moved(self, run: Result, number: Number, i: int, held: list[Held], by: float) -> tuple[Any, ...]:
@@ -204,11 +207,14 @@ class _Case:
             found = []
             for i in range(len(number.directions)):
                 step = CHECKED * self._size(run, number, i)
-                ends = []
-                for sign in (1.0, -1.0):
-                    moved = self.run(*self._moved(run, number, i, held, sign * step))
-                    ends.append(self.derived(moved, [], held_of(moved, None), "forward")[0])
-                found.append((ends[0] - ends[1]) / (2.0 * step))
+                slopes = []
+                for factor in (1.0, 2.0):
+                    ends = []
+                    for sign in (1.0, -1.0):
+                        moved = self.run(*self._moved(run, number, i, held, sign * factor * step))
+                        ends.append(self.derived(moved, [], held_of(moved, None), "forward")[0])
+                    slopes.append((ends[0] - ends[1]) / (2.0 * factor * step))
+                found.append((4.0 * slopes[0] - slopes[1]) / 3.0)
             size = max(float(np.abs(own).max(initial=0.0)), float(np.abs(found).max(initial=0.0)))
             if size > 0.0:
                 worst = max(worst, float(np.abs(own - found).max()) / size)
@@ -286,7 +292,87 @@ class _Leaves:
                 self._order.append((of, "time", len(self._times)))
                 self._times.append(name)
 
-    def compute(self, method: str) -> None:
+    def compute(self, of: Objective, method: str) -> tuple[float, Array]:
+        """Value and derivatives of the objective whose parts were gathered."""
+        peaks = {t for _, t in self._peaks}
+        # what is largest where something happens moves with it
+        apart = peaks.isdisjoint(float(event.t) for event in self._run.events)
+        if method == "adjoint" or (method == "auto" and apart and self._count > FEW):
+            if not apart:
+                raise ArgumentError(
+                    "the peak lies at an event, which method=\"adjoint\" does not follow; take method=\"forward\"",
+                    argument="method",
+                )
+            self.method = "adjoint"
+            return self._backward(of)
+        self._forward()
+        return self.value(of)
+
+    def _backward(self, of: Objective) -> tuple[float, Array]:
+        run, end = self._run, float(self._run.t[-1])
+        happened = [self._first(name) for name in self._times]
+        last = self._terminal(end)
+        formulas = [{"formula": run._formulas[name]} for name in self._times]
+        gauge = [] if last is None else [{"formula": run._formulas[last]}]
+        observables = [*self._ends, *self._integrals, *gauge, *(x for x, _ in self._peaks), *formulas]
+        at = [(end, last is not None), *((t, False) for _, t in self._peaks), *((t, True) for t in happened)]
+        both = [observed(run, observables, [t], before=flag) for t, flag in at]
+        values, rates = (np.concatenate([one[i] for one in both]) for i in range(2))
+        peak, first = len(self._ends) + len(self._integrals) + len(gauge), len(observables) - len(formulas)
+        gathered = []
+        if self._integrals:
+            still = derivatives(run, [], self._held, [], [end], integrals=self._integrals)
+            gathered = [value for value, _ in still.integrals]
+        none = np.zeros(self._count)
+        known = {
+            "end": [float(x) for x in values[0, : len(self._ends)]],
+            "integral": gathered,
+            "peak": [float(values[1 + i, peak + i]) for i in range(len(self._peaks))],
+            "time": happened,
+        }
+        for part, word, i in self._order:
+            self._known[id(part)] = known[word][i], none
+        weights, of_integrals = np.zeros((len(at), len(observables))), np.zeros(len(self._integrals))
+        ending = 0.0
+        for (part, word, i), weight in zip(self._order, self._slopes(of), strict=True):
+            if word == "peak":
+                weights[1 + i, peak + i] += weight
+            elif word == "time":
+                row, column = 1 + len(self._peaks) + i, first + i
+                weights[row, column] -= weight / rates[row, column]
+            else:
+                if word == "end":
+                    weights[0, i] += weight
+                    moving = weight * float(rates[0, i])
+                else:
+                    of_integrals[i] += weight
+                    moving = weight * float(values[0, len(self._ends) + i])
+                ending += moving
+                if last is not None:
+                    column = len(self._ends) + len(self._integrals)
+                    weights[0, column] -= moving / rates[0, column]
+        found = backward(
+            run, self._numbers, self._held, observables, at, integrals=self._integrals, weights=(weights, of_integrals)
+        )
+        for i, direction in enumerate(d for n in self._numbers for d in n.directions):
+            if "end" in direction and last is None:
+                found[i] += ending
+        return self.value(of)[0], found
+
+    def _slopes(self, of: Objective) -> list[float]:
+        """The derivative of an objective by each of its parts, in the order in which they were gathered."""
+        match of.word:
+            case "number":
+                return []
+            case "sum":
+                return [x for part in of.parts for x in self._slopes(part)]
+            case "product":
+                one, other = of.parts
+                (x, _), (y, _) = self.value(one), self.value(other)
+                return [*(y * d for d in self._slopes(one)), *(x * d for d in self._slopes(other))]
+        return [1.0]
+
+    def _forward(self) -> None:
         """Values and derivatives of all parts."""
         run, end = self._run, float(self._run.t[-1])
         happened = [self._first(name) for name in self._times]

@@ -122,7 +122,9 @@ def assemble(
         also: dict[str, Any] = {"fixed": fixed, "guess": guess, "branch": branch, "t": t, "tolerance": tolerance}
         found = assemble(self, targets, rates, **also, parameters=parameters)
         there = _converted(self, found, coordinates, parameters)
-        return State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
+        converted = State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
+        converted.held = found.held
+        return converted
     found = State(time, q, v, layout=layout, assembly={**json.loads(report), "remarks": doubts})
     found.held = _held(levels, rates)
     return found
@@ -250,7 +252,9 @@ def _converted(self: Modelled, state: State, coordinates: str, parameters: Mappi
     for source in others:
         if state.is_of(source.summary):
             q, v = model.core.transferred(source.core, state.q, state.v)
-            return State(state.t, q, v, layout=layout)
+            converted = State(state.t, q, v, layout=layout)
+            converted.held = state.held
+            return converted
     if (found := of_parting_run(self, state, model, parameters)) is not None:
         return State(found.t, found.q, found.v, layout=layout)
     raise ArgumentError(

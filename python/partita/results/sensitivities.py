@@ -109,6 +109,25 @@ def number_of(key: Any, present: Mapping[str, Sequence[float]], spec: Mapping[st
     return Number(key, shape, tuple({"parameters": [(name, row)]} for row in np.eye(count).tolist()))
 
 
+def numbers_of(by: Iterable[Any], run: Result, held: Sequence[Held]) -> list[Number]:
+    """The numbers that are differentiated by, as they are given."""
+    present, spec = dict(_model(run).parameters()), run._record.spec or {}
+    found = [number_of(key, present, spec, held) for key in by]
+    used = {name for number in found for one in number.directions for name, _ in one.get("parameters", ())}
+
+    def completed(direction: dict[str, Any]) -> dict[str, Any]:
+        # where the two sides of a joint are numbers of their own, its point moves on both
+        changes = list(direction.get("parameters", ()))
+        own = {name for name, _ in changes}
+        for name, seed in tuple(changes):
+            other = f"{name.removesuffix('.point')}.child_point"
+            if name.endswith(".point") and other in used and other not in own and other not in present:
+                changes.append((other, seed))
+        return {**direction, "parameters": changes} if changes else direction
+
+    return [Number(one.key, one.shape, tuple(map(completed, one.directions))) for one in found]
+
+
 @dataclass(frozen=True)
 class Held:
     """A coordinate that is held at the start."""
@@ -278,10 +297,8 @@ class Sensitivities:
         self.t = run.t
         self._run = run
         self._held = held_of(run, held)
-        model = _model(run)
-        present, spec = dict(model.parameters()), run._record.spec or {}
         given = [by] if isinstance(by, str) or not isinstance(by, Iterable) else list(by)
-        self._numbers = [number_of(key, present, spec, self._held) for key in given]
+        self._numbers = numbers_of(given, run, self._held)
         self._observing = Observing(run)
         self._known: dict[str, Array] = {}
 
@@ -396,6 +413,31 @@ def derivatives(
     for i in ends:  # what is observed where the run ends moves on
         along[at == run.t[-1], :, i] = rates[at == run.t[-1]]
     return Derived(values, rates, along, gathered, shifts)
+
+
+def backward(
+    run: Result,
+    numbers: Sequence[Number],
+    held: Sequence[Held],
+    observables: Sequence[Observable],
+    at: Sequence[tuple[float, bool]],
+    *,
+    integrals: Sequence[Observable],
+    weights: tuple[Array, Array],
+) -> Array:
+    """The derivatives of the weighed sum of what is observed at these times, each with whether what happens there has not
+    happened yet, and of integrals, backwards through the steps."""
+    _model(run)
+    asked = {
+        "held": [(one.name, one.gauge) for one in held],
+        "directions": [direction for number in numbers for direction in number.directions],
+        "observables": list(observables),
+        "integrals": list(integrals),
+    }
+    weighed = {"observables": weights[0].tolist(), "integrals": weights[1].tolist()}
+    times, before = np.array([t for t, _ in at], dtype=float), [flag for _, flag in at]
+    found = run._record.arrays.log.gradient(json.dumps(asked), json.dumps(weighed), times, before)
+    return np.asarray(found)
 
 
 def observed(run: Result, observables: Sequence[Observable], times: Any, *, before: bool = False) -> tuple[Array, Array]:

@@ -67,6 +67,25 @@ impl State {
 pub type Gather<'g> =
     &'g mut dyn FnMut(f64, f64, &[Carried], &mut dyn ChosenRates<Carried>) -> Result<(), AnalysisError>;
 
+/// The stages of an implicit step.
+pub struct Solved {
+    /// Their slopes.
+    pub slopes: Vec<Vec<f64>>,
+    /// Their states.
+    pub states: Vec<Vec<f64>>,
+    /// `1 − h a ⊗ J`, row by row.
+    pub matrix: Vec<f64>,
+}
+
+/// `y + h Σ w_j k_j` in numbers.
+pub fn advanced_plain(y: &[f64], h: f64, weights: &[f64], slopes: &[Vec<f64>]) -> Vec<f64> {
+    let mut out = y.to_vec();
+    for (weight, slope) in weights.iter().zip(slopes).filter(|x| *x.0 != 0.0) {
+        out.iter_mut().zip(slope).for_each(|(y, k)| *y += h * weight * k);
+    }
+    out
+}
+
 /// The rates of the steps of a leg for one choice after the other.
 pub struct Rates<'e> {
     model: &'e Model,
@@ -203,37 +222,46 @@ impl<'e> Rates<'e> {
         Ok(state)
     }
 
-    /// Slopes of the stages of an implicit step, from the states of its stages on, or from its start.
-    fn implicit(
+    /// The stages of an implicit step at (t, y) in numbers, from the states of its stages on, or from its start.
+    pub fn stages(
+        &self,
+        choice: &OwnedChoice,
+        scheme: &Scheme,
+        at: (f64, f64),
+        y: &[f64],
+        guess: Option<(&[f64], usize)>,
+    ) -> Result<Solved, AnalysisError> {
+        self.solved(&mut *self.of(choice), scheme, at, y, guess)
+    }
+
+    fn solved(
         &self,
         x: &mut dyn ChosenRates<Carried>,
         scheme: &Scheme,
         (t, h): (f64, f64),
-        y: &[Carried],
+        y: &[f64],
         guess: Option<(&[f64], usize)>,
-    ) -> Result<Vec<Vec<Carried>>, AnalysisError> {
+    ) -> Result<Solved, AnalysisError> {
         let (dim, stages) = (y.len(), scheme.c.len());
-        let plain: Vec<Carried> = y.iter().map(|y| constant(y.re)).collect();
-        let mut slopes: Vec<Vec<Carried>> = Vec::with_capacity(stages);
+        let lifted = |x: &[f64]| x.iter().map(|x| constant(*x)).collect::<Vec<_>>();
+        let mut slopes: Vec<Vec<f64>> = Vec::with_capacity(stages);
         for (i, c) in scheme.c.iter().enumerate() {
             let known = guess.and_then(|(states, dim)| states.chunks_exact(dim.max(1)).nth(i));
-            let from = match known.filter(|known| known.len() >= plain.len()) {
-                Some(known) => known[..plain.len()].iter().map(|x| constant(*x)).collect(),
-                None => plain.clone(),
-            };
-            slopes.push(self.slope(x, t + c * h, &from)?.iter().map(|x| constant(x.re)).collect());
+            let from = known.filter(|known| known.len() >= dim).map_or(y, |known| &known[..dim]);
+            slopes.push(self.slope(x, t + c * h, &lifted(from))?.iter().map(|x| x.re).collect());
         }
         let size = stages * dim;
-        let (mut matrix, mut pivots) = (vec![0.0; size * size], vec![0; size]);
         let singular = || SystemError::NotFinite { what: "the stages of an implicit step".into(), t };
-        for _ in 0..MOST_ITERATIONS {
-            matrix.fill(0.0);
-            let mut off = vec![0.0; size];
+        let mut pivots = vec![0; size];
+        for last in (0..MOST_ITERATIONS).rev() {
+            let (mut matrix, mut off) = (vec![0.0; size * size], vec![0.0; size]);
+            let mut states = Vec::with_capacity(stages);
             for (i, row) in scheme.a.iter().enumerate() {
-                let state = advanced(&plain, h, row, &slopes);
-                let (slope, jacobian) = self.jacobian(x, t + scheme.c[i] * h, &state)?;
+                let state = advanced_plain(y, h, row, &slopes);
+                let (slope, jacobian) = self.jacobian(x, t + scheme.c[i] * h, &lifted(&state))?;
+                states.push(state);
                 for l in 0..dim {
-                    off[i * dim + l] = slope[l] - slopes[i][l].re;
+                    off[i * dim + l] = slope[l] - slopes[i][l];
                     for (j, a) in row.iter().enumerate() {
                         for m in 0..dim {
                             matrix[(i * dim + l) * size + j * dim + m] = -h * a * jacobian[l * dim + m];
@@ -242,18 +270,37 @@ impl<'e> Rates<'e> {
                     matrix[(i * dim + l) * size + i * dim + l] += 1.0;
                 }
             }
-            lu(&mut matrix, size, &mut pivots).map_err(|_| singular())?;
-            lu_solve(&matrix, size, &pivots, &mut off);
-            let largest = |x: &mut dyn Iterator<Item = f64>| x.fold(0.0, |m: f64, x| m.max(x.abs()));
-            let (moved, all) = (
-                largest(&mut off.iter().copied()),
-                largest(&mut slopes.iter().flatten().map(|x| x.re)),
-            );
-            slopes.iter_mut().flatten().zip(&off).for_each(|(k, off)| k.re += off);
-            if moved <= STAGES_SOLVED * all {
-                break;
+            let mut factored = matrix.clone();
+            lu(&mut factored, size, &mut pivots).map_err(|_| singular())?;
+            lu_solve(&factored, size, &pivots, &mut off);
+            let moved = off.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            let all = slopes.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
+            slopes.iter_mut().flatten().zip(&off).for_each(|(k, off)| *k += off);
+            if moved <= STAGES_SOLVED * all || last == 0 {
+                return Ok(Solved { slopes, states, matrix });
             }
         }
+        Err(singular().into())
+    }
+
+    /// Slopes of the stages of an implicit step, with derivatives.
+    fn implicit(
+        &self,
+        x: &mut dyn ChosenRates<Carried>,
+        scheme: &Scheme,
+        (t, h): (f64, f64),
+        y: &[Carried],
+        guess: Option<(&[f64], usize)>,
+    ) -> Result<Vec<Vec<Carried>>, AnalysisError> {
+        let dim = y.len();
+        let plain: Vec<f64> = y.iter().map(|y| y.re).collect();
+        let Solved { slopes, mut matrix, .. } = self.solved(x, scheme, (t, h), &plain, guess)?;
+        let mut slopes: Vec<Vec<Carried>> =
+            slopes.iter().map(|x| x.iter().map(|x| constant(*x)).collect()).collect();
+        let size = scheme.c.len() * dim;
+        let mut pivots = vec![0; size];
+        lu(&mut matrix, size, &mut pivots)
+            .map_err(|_| SystemError::NotFinite { what: "the stages of an implicit step".into(), t })?;
         // the right sides, and what they make of the stages
         let mut along = vec![[0.0; CARRIED]; size];
         for (i, row) in scheme.a.iter().enumerate() {
@@ -268,6 +315,11 @@ impl<'e> Rates<'e> {
             slopes.iter_mut().flatten().zip(&column).for_each(|(k, x)| k.eps[l] = *x);
         }
         Ok(slopes)
+    }
+
+    /// See `weights_until`.
+    pub fn weights_until(scheme: &Scheme, x: f64) -> Vec<f64> {
+        weights_until(scheme, x)
     }
 
     /// The slope at (t, y), and its derivatives by y, row by row, where parameters stay.

@@ -3,6 +3,7 @@
 //! They are those of the numbers that the run computed: every step is taken again, by the coefficients and for the
 //! coordinates by which it was taken, over numbers with derivatives. Lengths of steps are constants.
 
+mod backward;
 mod carry;
 mod jump;
 mod start;
@@ -21,6 +22,7 @@ use partita_system::prelude::*;
 use partita_system::rates::ChosenRates;
 use serde::Deserialize;
 
+pub use backward::{backward, Weights};
 pub use jump::{Jump, Reason};
 pub use trail::{Instant, Leg, Stride, Time};
 
@@ -192,6 +194,71 @@ impl Equations {
         let whole = leg.jump.as_ref().map(|jump| both(&jump.whole)).transpose()?;
         Ok(Self { own: both(&leg.model)?, whole })
     }
+
+    /// Rates of a leg, with derivatives and without.
+    fn rates<'a>(&'a self, leg: &'a Leg) -> [Rates<'a>; 2] {
+        let size = (leg.model.size().nq, leg.model.size().holonomic);
+        [0, 1].map(|i| Rates::new(&leg.model, &self.own[i], size))
+    }
+}
+
+/// The legs with steps.
+fn stepping(legs: &[Leg]) -> Vec<usize> {
+    (0..legs.len()).filter(|&i| !legs[i].strides.is_empty()).collect()
+}
+
+/// What happens between two legs with steps.
+struct Crossed {
+    /// The state where the second one begins.
+    state: State,
+    /// Derivatives of when it happens.
+    shift: Shift,
+    /// Integrands before, less those after.
+    lost: Vec<f64>,
+}
+
+/// From the end of a leg to the beginning of the next one with steps.
+fn cross(
+    legs: &[Leg],
+    all: &[Equations],
+    (from, to): (usize, usize),
+    mut at: State,
+    integrals: &[Observable],
+) -> Result<Crossed, AnalysisError> {
+    let ends = |i: usize| (&legs[i], &all[i]);
+    let ((leg, equations), (next, after)) = (ends(from), ends(to));
+    let (Some(last), Some(first)) = (leg.strides.last(), next.strides.first()) else {
+        return Ok(Crossed { state: at, shift: [0.0; CARRIED], lost: vec![0.0; integrals.len()] });
+    };
+    let ([rates, plain], [_, plain_after]) = (equations.rates(leg), after.rates(next));
+    let mut shift = [0.0; CARRIED];
+    at.put_at(&leg.end);
+    for i in from..to {
+        let (Some(jump), Some(whole)) = (&legs[i].jump, &all[i].whole) else { continue };
+        if i == from {
+            let sides = [&rates, &plain].map(|rates| Side { model: &leg.model, rates, stride: last });
+            shift = jump::shift(jump, &sides[0], (&sides[1], [&whole[0], &whole[1]]), &at, &leg.end)?;
+            jump::moved(&mut at, &sides[1].motion(&leg.end)?, &shift, 1.0);
+        }
+        let there = legs[i + 1].strides.first().map_or(&legs[i + 1].end, |x| &x.from);
+        at.v = jump::thrown(jump, &whole[0], &at, leg.end.t, &there.v)?;
+        at.put_at(there);
+    }
+    let side = Side { model: &next.model, rates: &plain_after, stride: first };
+    jump::moved(&mut at, &side.motion(&first.from)?, &shift, -1.0);
+    at.put_at(&first.from);
+    let mut lost = vec![0.0; integrals.len()];
+    if !integrals.is_empty() {
+        for (leg, plain, choice, at, sign) in [
+            (leg, &plain, &last.choice, &leg.end, 1.0),
+            (next, &plain_after, &first.choice, &first.from, -1.0),
+        ] {
+            let mut read = Reader::new(leg, integrals, (plain, plain))?;
+            read.read(at, &State::constant(at), choice)?;
+            lost.iter_mut().zip(&read.observed).for_each(|(to, x)| *to += sign * x.re);
+        }
+    }
+    Ok(Crossed { state: at, shift, lost })
 }
 
 /// Along at most so many directions as are carried together.
@@ -202,87 +269,41 @@ fn carried(
     take: Take,
 ) -> Result<Carrying, AnalysisError> {
     let mut found = Carrying { integrals: vec![constant(0.0); asked.integrals.len()], shifts: Vec::new() };
-    let (names, gauges): (Vec<String>, Vec<Gauge>) = asked.held.iter().cloned().unzip();
     let all = legs.iter().map(|leg| Equations::new(leg, directions)).collect::<Result<Vec<_>, _>>()?;
-    let mut state: Option<State> = None;
-    // the last step taken, with its leg, and when what happens there happens
-    let mut last: Option<usize> = None;
-    let mut shift: Option<Shift> = None;
-    for (i, (leg, equations)) in legs.iter().zip(&all).enumerate() {
-        let [e, still] = &equations.own;
-        let size = (leg.model.size().nq, leg.model.size().holonomic);
-        let mut rates = Rates::new(&leg.model, e, size);
-        let plain = Rates::new(&leg.model, still, size);
-        if let Some(stride) = leg.strides.first() {
-            let from = match state.take() {
-                None => {
-                    let held = start::Held { gauges: &gauges, names: &names };
-                    start::started(leg, (e, &rates), &held, directions)?
+    let mut before: Option<(usize, State)> = None;
+    for i in stepping(legs) {
+        let leg = &legs[i];
+        let [mut rates, plain] = all[i].rates(leg);
+        let Some(stride) = leg.strides.first() else { continue };
+        let from = match before.take() {
+            None => start::started(leg, (&all[i].own[0], &rates), &asked.held, directions)?,
+            Some((last, state)) => {
+                let Crossed { state, shift, lost } = cross(legs, &all, (last, i), state, &asked.integrals)?;
+                for (to, lost) in found.integrals.iter_mut().zip(&lost) {
+                    (0..CARRIED).for_each(|l| to.eps[l] += lost * shift[l]);
                 }
-                Some(mut at) => {
-                    if let Some(shift) = shift.take() {
-                        let side = Side { model: &leg.model, rates: &plain, stride };
-                        jump::moved(&mut at, &side.motion(&stride.from)?, &shift, -1.0);
-                        add_ends(&mut found, leg, (&plain, &stride.choice), (&stride.from, asked), &shift, -1.0)?;
-                    }
-                    at.put_at(&stride.from);
-                    rates.keep(&stride.choice, stride.from.t, &at.q)?;
-                    at
-                }
-            };
-            let mut read = Reader::new(leg, &asked.observables, (&rates, &plain))?;
-            let mut integrands = Reader::new(leg, &asked.integrals, (&rates, &plain))?;
-            let integrals = &mut found.integrals;
-            let mut gather = |weight: f64, t: f64, q: &[Carried], x: &mut dyn ChosenRates<Carried>| {
-                integrands.read_stage(t, q, x)?;
-                integrals.iter_mut().zip(&integrands.observed).for_each(|(to, x)| *to += x.scale(weight));
-                Ok(())
-            };
-            let gather: Option<carry::Gather> = if asked.integrals.is_empty() { None } else { Some(&mut gather) };
-            state = Some(along(leg, &rates, from, gather, &mut |number, at, state, choice| {
-                read.read(at, state, choice)?;
-                take(number, &read.observed, &read.rates);
-                Ok(())
-            })?);
-            last = Some(i);
-        }
-        let (Some(jump), Some(whole), Some(at)) = (&leg.jump, &equations.whole, &mut state) else { continue };
-        let after = legs.get(i + 1).map(|next| next.strides.first().map_or(&next.end, |x| &x.from));
-        let Some(after) = after else { continue };
-        if let (None, Some(last)) = (shift, last.filter(|last| *last == i)) {
-            let stride = legs[last].strides.last().ok_or(AnalysisError::Argument { argument: "run", message: String::new() })?;
-            let sides = [&rates, &plain].map(|rates| Side { model: &leg.model, rates, stride });
-            at.put_at(&leg.end);
-            let when = jump::shift(jump, &sides[0], (&sides[1], [&whole[0], &whole[1]]), at, &leg.end)?;
-            jump::moved(at, &sides[1].motion(&leg.end)?, &when, 1.0);
-            add_ends(&mut found, leg, (&plain, &stride.choice), (&leg.end, asked), &when, 1.0)?;
-            found.shifts.push((leg.end.t, when));
-            shift = Some(when);
-        }
-        at.v = jump::thrown(jump, &whole[0], at, leg.end.t, &after.v)?;
-        at.put_at(after);
+                found.shifts.push((legs[last].end.t, shift));
+                rates.keep(&stride.choice, stride.from.t, &state.q)?;
+                state
+            }
+        };
+        let mut read = Reader::new(leg, &asked.observables, (&rates, &plain))?;
+        let mut integrands = Reader::new(leg, &asked.integrals, (&rates, &plain))?;
+        let integrals = &mut found.integrals;
+        let mut gather = |weight: f64, t: f64, q: &[Carried], x: &mut dyn ChosenRates<Carried>| {
+            integrands.read_stage(t, q, x)?;
+            integrals.iter_mut().zip(&integrands.observed).for_each(|(to, x)| *to += x.scale(weight));
+            Ok(())
+        };
+        let gather: Option<carry::Gather> = if asked.integrals.is_empty() { None } else { Some(&mut gather) };
+        let end = along(leg, &rates, from, gather, &mut |number, at, state, choice| {
+            read.read(at, state, choice)?;
+            take(number, &read.observed, &read.rates);
+            Ok(())
+        })?;
+        before = Some((i, end));
     }
     Ok(found)
-}
-
-/// What an integral gains where its end moves.
-fn add_ends(
-    found: &mut Carrying,
-    leg: &Leg,
-    (plain, choice): (&Rates, &OwnedChoice),
-    (at, asked): (&Instant, &Asked),
-    shift: &Shift,
-    sign: f64,
-) -> Result<(), AnalysisError> {
-    if asked.integrals.is_empty() {
-        return Ok(());
-    }
-    let mut read = Reader::new(leg, &asked.integrals, (plain, plain))?;
-    read.read(at, &State::constant(at), choice)?;
-    for (to, x) in found.integrals.iter_mut().zip(&read.observed) {
-        (0..CARRIED).for_each(|l| to.eps[l] += sign * x.re * shift[l]);
-    }
-    Ok(())
 }
 
 /// Reads what is asked.

@@ -17,14 +17,6 @@ use partita_system::prelude::*;
 use partita_system::rates::ChosenRates;
 use partita_system::SystemError;
 
-/// What is held at the start.
-pub struct Held<'h> {
-    /// As many as degrees of freedom.
-    pub gauges: &'h [Gauge],
-    /// Their names, for messages.
-    pub names: &'h [String],
-}
-
 /// Positions and rates of what is held.
 struct Gauges<'e> {
     e: &'e Evaluator<Carried>,
@@ -58,24 +50,25 @@ impl Gauges<'_> {
 pub fn started(
     leg: &Leg,
     (e, rates): (&Evaluator<Carried>, &Rates),
-    held: &Held,
+    held: &[(String, Gauge)],
     directions: &[Direction],
 ) -> Result<State, AnalysisError> {
     let Some(stride) = leg.strides.first() else { return Ok(State::constant(&leg.end)) };
     let (from, choice) = (&stride.from, stride.choice.choice());
     let k = choice.k();
-    if held.gauges.len() != k {
+    let names = || held.iter().map(|x| x.0.as_str()).collect::<Vec<_>>().join(", ");
+    if held.len() != k {
         let message = format!(
             "{} coordinates are held at the start ({}), but the mechanism has {k} degrees of freedom; name as many joints \
              as that",
-            held.gauges.len(),
-            held.names.join(", ")
+            held.len(),
+            names()
         );
         return Err(AnalysisError::Argument { argument: "held", message });
     }
     let mut x = rates.of(&stride.choice);
     let (mut measures, mut all) = (Vec::new(), Vec::with_capacity(k));
-    for gauge in held.gauges {
+    for (_, gauge) in held {
         all.push(match gauge {
             Gauge::Measure(measure) => {
                 measures.push(measure.clone());
@@ -116,7 +109,7 @@ pub fn started(
     if !regular {
         let message = format!(
             "what is held ({}) does not determine the motion at the start, where it is at a dead point; hold other joints",
-            held.names.join(", ")
+            names()
         );
         return Err(AnalysisError::Argument { argument: "held", message });
     }
