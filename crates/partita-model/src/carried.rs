@@ -2,11 +2,14 @@
 //! is observed of it.
 
 use crate::error::DescriptionError;
+use crate::coupling::Condition;
 use crate::evaluator::{Evaluator, Scratch, Wide};
 use crate::event_functions::Formula;
+use crate::force::Element;
 use crate::joint::Motion;
 use crate::measurement::{Maker, Measurement};
 use crate::model::Model;
+use crate::rows::Owner;
 use crate::spec::Measure;
 use crate::wrench::Wrench;
 use partita_math::scalar::{Cases, Dual, Recorder, Recording, Scalar};
@@ -106,8 +109,19 @@ impl Model {
     /// The equations with derivatives along changes of these parameters.
     ///
     /// # Errors
-    /// As [`over_with`](Self::over_with).
+    /// As [`over_with`](Self::over_with), and for functions of the user that depend on the motion.
     pub fn carrying(&self, changes: &[(&str, &[Carried])]) -> Result<Evaluator<Carried>, DescriptionError> {
+        let functions = &*self.own.callers.functions;
+        let sees = |e: &&Element<Spatial<f64>>| e.sees_state(functions) || matches!(e, Element::Law(_));
+        let force = self.own.full.elements.iter().filter(sees).find_map(|e| e.calls(functions));
+        let of_motion = |c: &&Condition<Spatial<f64>>| c.calls(functions) && matches!(c.owner, Owner::Coupling(_));
+        let coupling = self.own.full.conditions.iter().find(of_motion).map(|c| &*c.name);
+        let named = [("force", force), ("coupling", coupling)].into_iter().find_map(|(kind, x)| x.map(|x| (kind, x)));
+        if let Some((kind, name)) = named {
+            let message = "it calls a function of Python that depends on the motion, which has no derivative; give a table, or \
+                           the numbers of an element";
+            return Err(DescriptionError::new(kind, name, message));
+        }
         self.over_with::<Carried>(changes)
     }
 

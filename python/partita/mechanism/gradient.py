@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..analyses.gradient import Gradient
 from ..derivatives import EndTime, Objective, Start, StartRate, objective
-from ..errors import ArgumentError, IntegrationError
+from ..errors import ArgumentError, DescriptionError, IntegrationError
 from ..limits import raised
 from ..naming import index_of
 from ..numeric import shown
@@ -41,6 +41,9 @@ the recordings of one backwards."""
 CHECKED = 1e-4
 """Changes of numbers by which a gradient is checked. Scale: the number, or 1. Reason: extrapolated once, the error of
 differences is as small as what a run at these tolerances leaves."""
+NOISE = 1e-8
+"""Derivatives below what differences of so small values leave are not compared. Scale: value over the step of the differences.
+Reason: what a run at these tolerances may be off by."""
 SECOND = 1e-3
 """Changes of numbers by which gradients are differenced for second derivatives. Scale: the number, or 1. Reason: with two
 extrapolations the curvature of what is differenced is as small as the noise of its last digits."""
@@ -115,7 +118,8 @@ def gradient(
     return Gradient(
         value=found[0],
         by=_split(numbers, found[1]),
-        method=found[2],
+        method=found[2].method,
+        notes=tuple(found[2].notes),
         run=run,
         agrees=agrees,
         hessian=hessian,
@@ -166,13 +170,13 @@ class _Case:
             raise IntegrationError(f"the run of the gradient ended early: {run.message}")
         return run
 
-    def derived(self, run: Result, numbers: list[Number], held: list[Held], method: str) -> tuple[float, Array, str]:
-        """Value, derivatives and the method that computed them."""
+    def derived(self, run: Result, numbers: list[Number], held: list[Held], method: str) -> tuple[float, Array, _Leaves]:
+        """Value and derivatives, and what computed them."""
         count = sum(len(number.directions) for number in numbers)
         leaves = _Leaves(run, numbers, held, count)
         leaves.gather(self.objective)
         value, along = leaves.compute(self.objective, method)
-        return value, along, leaves.method
+        return value, along, leaves
 
     def _moved(self, run: Result, number: Number, i: int, held: list[Held], by: float) -> tuple[Any, ...]:
         """Parameters, start and duration with one direction moved."""
@@ -185,22 +189,27 @@ class _Case:
             base = present.get(name) or present[name.removesuffix(".child_point") + ".point"]
             changes[name] = [x + by * s for x, s in zip(base, seed, strict=True)]
         first = run.state(float(run.t[0]))
-        targets: dict[str, Any] = {}
-        rates: dict[str, Any] = {}
-        for word, values in (("start", targets), ("start_rates", rates)):
-            seed = direction.get(word, [0.0] * len(held))
-            for one, s in zip(held, seed, strict=True):
-                own = first.position(one.joint) if word == "start" else first.velocity(one.joint)
-                value = float(np.ravel(own)[one.coordinate]) + by * s
-                values.setdefault(one.name, value)
+        seeds = [direction.get(word, [0.0] * len(held)) for word in ("start", "start_rates")]
+        if not any(map(any, seeds)) and not any(".point" in name or ".child_point" in name for name in changes):
+            return changes, first, None
+        if turning := [one.name for one in held if one.is_turn]:
+            raise ArgumentError(
+                f"check=True cannot move the start while {', '.join(turning)} is held, which is no coordinate; hold joints "
+                "with slides and angles",
+                argument="check",
+            )
+        wanted: list[dict[str, float]] = []
+        for own, seed in zip((first.position, first.velocity), seeds, strict=True):
+            wanted.append({one.name: float(np.ravel(own(one.joint))[one.coordinate]) + by * s for one, s in zip(held, seed, strict=True)})
         near = assemble(
-            self.mechanism, targets, rates, near=first, t=first.t, parameters={**self.parameters, **changes} or None
+            self.mechanism, wanted[0], wanted[1], near=first, t=first.t, parameters={**self.parameters, **changes} or None
         )
         return changes, near, None
 
     def checked(self, run: Result, numbers: list[Number], held: list[Held], flat: Array) -> float:
         """The largest difference to central differences."""
-        worst, first = 0.0, 0
+        worst, first, step = 0.0, 0, 1.0
+        value = self.derived(run, [], held, "forward")[0]
         for number in numbers:
             own = flat[first : first + len(number.directions)]
             first += len(number.directions)
@@ -216,7 +225,7 @@ class _Case:
                     slopes.append((ends[0] - ends[1]) / (2.0 * factor * step))
                 found.append((4.0 * slopes[0] - slopes[1]) / 3.0)
             size = max(float(np.abs(own).max(initial=0.0)), float(np.abs(found).max(initial=0.0)))
-            if size > 0.0:
+            if size > NOISE * max(1.0, abs(value)) / step:
                 worst = max(worst, float(np.abs(own - found).max()) / size)
         return worst
 
@@ -265,6 +274,7 @@ class _Leaves:
         self._known: dict[int, tuple[float, Array]] = {}
         self._order: list[tuple[Objective, str, int]] = []
         self.method = "forward"
+        self.notes: list[str] = []
 
     def gather(self, of: Objective) -> None:
         """All parts of an objective."""
@@ -297,14 +307,21 @@ class _Leaves:
         peaks = {t for _, t in self._peaks}
         # what is largest where something happens moves with it
         apart = peaks.isdisjoint(float(event.t) for event in self._run.events)
+        if method == "adjoint" and not apart:
+            raise ArgumentError(
+                'the peak lies at an event, which method="adjoint" does not follow; take method="forward"',
+                argument="method",
+            )
         if method == "adjoint" or (method == "auto" and apart and self._count > FEW):
-            if not apart:
-                raise ArgumentError(
-                    "the peak lies at an event, which method=\"adjoint\" does not follow; take method=\"forward\"",
-                    argument="method",
-                )
-            self.method = "adjoint"
-            return self._backward(of)
+            try:
+                found = self._backward(of)
+            except DescriptionError as error:
+                if method == "adjoint":
+                    raise
+                self.notes.append(f'derivatives were carried forwards, as the steps cannot be recorded: {error}')
+            else:
+                self.method = "adjoint"
+                return found
         self._forward()
         return self.value(of)
 
@@ -387,17 +404,19 @@ class _Leaves:
         )
         along, rates = found.along, found.rates
         moved = np.zeros(self._count)
-        if last is not None:
+        ending = [i for i, x in enumerate(d for n in self._numbers for d in n.directions) if "end" in x]
+        if last is not None:  # such a run ends where the event happens
             gauge = len(self._ends) + len(self._integrals)
+            along[0, :, ending] = 0.0
             moved = -along[0, gauge] / rates[0, gauge]
         parts: dict[str, list[tuple[float, Array]]] = {"end": [], "integral": [], "peak": [], "time": []}
         for i in range(len(self._ends)):
             parts["end"].append((float(found.values[0, i]), along[0, i] + rates[0, i] * moved))
-        ending = [i for i, x in enumerate(d for n in self._numbers for d in n.directions) if "end" in x]
         for i, (value, by) in enumerate(found.integrals):
             integrand = float(found.values[0, len(self._ends) + i])
             gained = np.array(by) + integrand * moved
-            gained[ending] = integrand
+            if last is None:
+                gained[ending] = integrand
             parts["integral"].append((value, gained))
         for i, (_, t) in enumerate(self._peaks):
             row, column = 1 + i, len(ends) + i

@@ -136,6 +136,8 @@ class Held:
     joint: str
     coordinate: int
     gauge: dict[str, Any]
+    is_turn: bool = False
+    """Whether it is a rate of a rotation in space, which is no coordinate."""
 
 
 def held_of(run: Result, held: Iterable[Any] | None) -> list[Held]:
@@ -146,8 +148,10 @@ def held_of(run: Result, held: Iterable[Any] | None) -> list[Held]:
         labels = [f"{name}.{axis}" for axis in joints[name]["axes"]]
         count = joints[name]["v"][1]
         measures = [{"of": "joint", "joint": name, "coordinate": i} for i in range(count)]
+        turns = [axis.startswith("w") for axis in joints[name]["axes"]]
         return [
-            Held(labels[i] if count > 1 else name, name, i, {"measure": measure}) for i, measure in enumerate(measures)
+            Held(labels[i] if count > 1 else name, name, i, {"measure": measure}, turns[i])
+            for i, measure in enumerate(measures)
         ]
 
     def named(given: Any) -> list[Held]:
@@ -176,7 +180,7 @@ def held_of(run: Result, held: Iterable[Any] | None) -> list[Held]:
         owner, offset = next(
             ((name, i - span[0]) for span, name in spans if span[0] <= i < span[0] + span[1]), ("", 0)
         )
-        found.append(Held(names[i], owner, offset, {"velocity": i}))
+        found.append(Held(names[i], owner, offset, {"velocity": i}, names[i].rpartition(".")[2].startswith("w")))
     return found
 
 

@@ -21,9 +21,12 @@ use partita_system::prelude::*;
 use partita_system::SystemError;
 use std::sync::Arc;
 
-/// What reaches zero more slowly touches it and is not passed. Scale: the sum of the parts of its rate. Reason: the derivative
-/// of when it happens is one over this, and its own changes are as large as it.
-const TOUCHES: f64 = 1e-6;
+/// What passes zero by no more than this before it turns back touches it. Scale: what a characteristic displacement of the
+/// mechanism changes. Reason: a change of a number in its ninth digit would make it miss.
+const TOUCHES: f64 = 1e-9;
+/// Way along the motion over which the rate of an event is differenced. Scale: length of the last step. Reason: the middle of
+/// the digits; the difference tells only whether an event is passed or touched.
+const WAY: f64 = 1e-6;
 /// Derivatives of times that agree within this are the same. Scale: the largest of them. Reason: what happens at once for
 /// a reason happens so to rounding, which events lose six digits of.
 const TOGETHER: f64 = 1e-5;
@@ -115,32 +118,16 @@ pub fn shift(
 ) -> Result<Shift, AnalysisError> {
     let mut known: Option<(&str, Shift)> = None;
     let [qdot, vdot] = plain.motion(at)?;
+    let way = WAY * (plain.stride.t_end - plain.stride.from.t);
+    let along = |x: &[f64], rates: &[f64]| x.iter().zip(rates).map(|(x, rate)| x - way * rate).collect::<Vec<_>>();
+    let earlier = Instant { t: at.t - way, q: along(&at.q, &qdot), v: along(&at.v, &vdot) };
     for (name, reason) in &jump.causes {
         let t = constant(at.t);
         let x = before.value((&jump.whole, whole[0]), (name, reason), t, (&state.q, &state.v))?;
-        // its rate along the motion, and the sum of its parts
-        let still = State::constant(at);
-        let (mut rate, mut parts) = (0.0, 0.0);
-        let motion: Vec<f64> = qdot.iter().chain(&vdot).copied().chain([1.0]).collect();
-        for first in (0..motion.len()).step_by(CARRIED) {
-            let (mut seeded, mut time) = (still.clone(), t);
-            let last = motion.len().min(first + CARRIED);
-            for j in first..last {
-                let all = seeded.q.len() + seeded.v.len();
-                let seed = match j {
-                    j if j < seeded.q.len() => &mut seeded.q[j],
-                    j if j < all => &mut seeded.v[j - still.q.len()],
-                    _ => &mut time,
-                };
-                seed.eps[j - first] = motion[j];
-            }
-            let y = plain.value((&jump.whole, whole[1]), (name, reason), time, (&seeded.q, &seeded.v))?;
-            y.eps[..last - first].iter().for_each(|part| {
-                rate += part;
-                parts += part.abs();
-            });
-        }
-        if !(rate.abs() > TOUCHES * parts) {
+        let (rate, size) = rate_of(plain, (&jump.whole, whole[1]), (name, reason), at)?;
+        let (rate_before, _) = rate_of(plain, (&jump.whole, whole[1]), (name, reason), &earlier)?;
+        let curvature = ((rate - rate_before) / way).abs();
+        if !(rate.abs() > 0.0) || rate * rate <= 2.0 * curvature * TOUCHES * size {
             return Err(refused(format!(
                 "event \"{name}\" at t = {:.6} s only touches zero (its rate is {:.1e}), so that nothing of the run after it \
                  has a derivative; end the run before it, or change the start a little",
@@ -163,6 +150,49 @@ pub fn shift(
         }
     }
     Ok(known.map_or([0.0; CARRIED], |x| x.1))
+}
+
+/// The rate of the reason of an event along the motion, and how much a characteristic displacement changes it.
+fn rate_of(
+    side: &Side,
+    (whole, e): (&Model, &Evaluator<Carried>),
+    reason: (&str, &Reason),
+    at: &Instant,
+) -> Result<(f64, f64), AnalysisError> {
+    let [qdot, vdot] = side.motion(at)?;
+    let still = State::constant(at);
+    let structure = side.model.structure();
+    let (nq, nv) = (still.q.len(), still.v.len());
+    // what a coordinate is the integral of
+    let mut sizes = vec![1.0; nq];
+    for i in 0..nv {
+        let own = structure.coordinates_of(i);
+        if own.len() == 1 {
+            sizes[own.start] = structure.displacement(i);
+        }
+    }
+    let fastest = (0..nv).map(|i| at.v[i].abs() / structure.displacement(i)).fold(0.0, f64::max);
+    sizes.extend((0..nv).map(|i| structure.displacement(i) * fastest));
+    let motion: Vec<f64> = qdot.iter().chain(&vdot).copied().chain([1.0]).collect();
+    let (mut rate, mut size) = (0.0, 0.0);
+    for first in (0..motion.len()).step_by(CARRIED) {
+        let (mut seeded, mut time) = (still.clone(), constant(at.t));
+        let last = motion.len().min(first + CARRIED);
+        for j in first..last {
+            let seed = match j {
+                j if j < nq => &mut seeded.q[j],
+                j if j < nq + nv => &mut seeded.v[j - nq],
+                _ => &mut time,
+            };
+            seed.eps[j - first] = 1.0;
+        }
+        let x = side.value((whole, e), reason, time, (&seeded.q, &seeded.v))?;
+        for j in first..last {
+            rate += x.eps[j - first] * motion[j];
+            size += x.eps[j - first].abs() * sizes.get(j).copied().unwrap_or(0.0);
+        }
+    }
+    Ok((rate, size))
 }
 
 fn refused(message: String) -> AnalysisError {
