@@ -30,6 +30,7 @@ from .tangent import TangentVelocities
 if TYPE_CHECKING:
     from . import catalogue
     from .results import Result, load_result
+    from .results.sensitivities import lengths
     from .sketch import draw
 
 __version__ = _version()
@@ -59,6 +60,7 @@ __all__ = [
     "end_time",
     "errors",
     "integral",
+    "lengths",
     "limits",
     "load",
     "load_result",
@@ -77,7 +79,7 @@ __all__ = [
 
 # Imported on first use: they bring plotting and data libraries along.
 _LATER = ("catalogue", "plots", "results", "viewer")
-_NAMED_LATER = {"Result": "results", "draw": "sketch", "load_result": "results"}
+_NAMED_LATER = {"Result": "results", "lengths": "results.sensitivities", "draw": "sketch", "load_result": "results"}
 
 
 def __getattr__(name: str) -> Any:

@@ -49,8 +49,9 @@ class Number:
     directions: tuple[dict[str, Any], ...] = field(repr=False)
 
 
-def _length(spec: Mapping[str, Any], name: str) -> dict[str, list[float]] | None:
-    """Changes of joints by which a body grows by one length, its centre of mass staying where it is on it."""
+def _length(spec: Mapping[str, Any], name: str) -> tuple[float, dict[str, list[float]]] | None:
+    """The length of a body, and changes of joints by which it grows by one, its centre of mass staying on it; None where
+    there is no such body."""
     body = name.removesuffix(".length")
     ends = [joint for joint in spec["joints"] if body in (joint["parent"], joint["child"])]
     if not any(one["name"] == body for one in spec["bodies"]):
@@ -82,8 +83,50 @@ def _length(spec: Mapping[str, Any], name: str) -> dict[str, list[float]] | None
     grown = (along / size).tolist()
     still = [0.0, 0.0, 0.0]
     if moves["child"] == body:
-        return {f"{moves['name']}.child_point": grown}
-    return {f"{moves['name']}.point": grown, f"{moves['name']}.child_point": still}
+        return size, {f"{moves['name']}.child_point": grown}
+    return size, {f"{moves['name']}.point": grown, f"{moves['name']}.child_point": still}
+
+
+def grown(description: str, wanted: Mapping[str, float]) -> dict[str, list[float]]:
+    """Parameters by which bodies get these lengths.
+
+    Raises `ArgumentError` for what is no length."""
+    spec = json.loads(description)
+    joints = {joint["name"]: joint for joint in spec["joints"]}
+    drawn: dict[str, list[float]] = {}
+    moved: dict[str, list[float]] = {}
+    for name, length in wanted.items():
+        found = _length(spec, name) if name.endswith(".length") else None
+        if found is None:
+            raise ArgumentError(f'"{name}" is no parameter, nor the length of a body with two joints', argument="by")
+        size, changes = found
+        for parameter, seed in changes.items():
+            joint, _, word = parameter.rpartition(".")
+            base = list(joints[joint].get(word) or joints[joint]["point"])
+            drawn.setdefault(parameter, base)
+            if any(seed):  # else the other side of the joint, which stays unless its own body grows
+                moved[parameter] = [x + (length - size) * s for x, s in zip(base, seed, strict=True)]
+    return drawn | moved
+
+
+def lengths(mechanism: Any, wanted: Mapping[str, float]) -> dict[str, list[float]]:
+    """Parameters by which bodies of two joints get these lengths [m], for `parameters=` of `simulate`.
+
+    The joint that is not on the ground, or the later one, moves along the line through both, on this body alone, whose
+    centre of mass stays; so lengths of neighbours change independently.
+
+    Args:
+        mechanism: a `Mechanism`.
+        wanted: "coupler.length" -> length [m].
+
+    Raises `ArgumentError` for a body that does not exist or has not two joints.
+
+    >>> import partita as pt
+    >>> m = pt.catalogue.load("four-bar")
+    >>> sorted(pt.lengths(m, {"coupler.length": 0.9}))
+    ['C.child_point', 'C.point']
+    """
+    return grown(mechanism.compile().description, wanted)
 
 
 def number_of(key: Any, present: Mapping[str, Sequence[float]], spec: Mapping[str, Any], held: Sequence[Held]) -> Number:
@@ -92,17 +135,17 @@ def number_of(key: Any, present: Mapping[str, Sequence[float]], spec: Mapping[st
         return Number(key, (), ({"end": 1.0},))
     if isinstance(key, Start | StartRate):
         word = "start" if isinstance(key, Start) else "start_rates"
-        found = [i for i, one in enumerate(held) if (one.joint, one.coordinate) == (key.joint, key.coordinate)]
-        if not found:
+        places = [i for i, one in enumerate(held) if (one.joint, one.coordinate) == (key.joint, key.coordinate)]
+        if not places:
             raise ArgumentError(
                 f"{shown(str(key))}: at the start {', '.join(one.name for one in held)} is held, and the other joints "
                 f'follow; give held=("{key.joint}", ...)',
                 argument="by",
             )
-        return Number(key, (), ({word: np.eye(len(held))[found[0]].tolist()},))
+        return Number(key, (), ({word: np.eye(len(held))[places[0]].tolist()},))
     name = str(key)
-    if name not in present and name.endswith(".length") and (changes := _length(spec, name)) is not None:
-        return Number(key, (), ({"parameters": list(changes.items())},))
+    if name not in present and name.endswith(".length") and (found := _length(spec, name)) is not None:
+        return Number(key, (), ({"parameters": list(found[1].items())},))
     name = list(present)[index_of(name, list(present), "parameter")]
     count = len(present[name])
     shape: tuple[int, ...] = () if count == 1 else (3, 3) if count == 9 else (count,)
