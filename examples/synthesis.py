@@ -1,8 +1,8 @@
 """Four designs by exact derivatives: a coupler curve, a valve train, the toe of a wheel, a pendulum swung up.
 
-Run it with `.venv/bin/python examples/synthesis.py [FOLDER]`. Each is solved by SciPy in seconds, with derivatives of runs
-through closed loops; what is known about its answer is checked, and the exit code is 1 if something is missed. With a
-folder it draws what was found, and writes a page of each run.
+Run it with `.venv/bin/python examples/synthesis.py [FOLDER]`. Each is solved by SciPy in seconds, with derivatives of
+runs through closed loops; what is known about its answer is checked, and the exit code is 1 if something is missed.
+With a folder it draws what was found, and writes a page of each run.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Design:
     bound: float
     """At most this."""
     evaluations: int
-    said: str
+    summary: str
     curves: Callable[[Result], tuple[Array, Array]]
     axes: tuple[str, str]
     target: tuple[Array, Array] | None = None
@@ -105,8 +105,8 @@ def coupler_curve() -> Design:
 
 
 def valve_train() -> Design:
-    """A spring and a damper for which a valve follows the lift of its cam best: between a pushrod that is elastic and the
-    seat, at an engine speed where it would float."""
+    """A spring and a damper for which a valve follows the lift of its cam best: between a pushrod that is elastic and
+    the seat, at an engine speed where it would float."""
     lift = np.linspace(0.0, 0.03, 61)
     course = 0.004 * (1.0 - np.cos(2 * np.pi * lift / 0.03))
     m = pt.Mechanism("valve train", gravity=None)
@@ -117,7 +117,9 @@ def valve_train() -> Design:
     m.add_drive("guide", (lift, course), interpolation="spline")
     m.add_spring("pushrod", tappet, (0, 0, 0), valve, (0, 0, 0), stiffness=1.2e5, damping=20.0, length=0.1)
     m.add_spring("seat spring", m.ground, (0, 0.2, 0), valve, (0, 0, 0), stiffness=2e4, damping=5.0, length=0.1)
-    lag = m.add_sensor("lag", m.add_sensor("valve lift", "stem", "position") - m.add_sensor("cam lift", "guide", "position"))
+    lag = m.add_sensor(
+        "lag", m.add_sensor("valve lift", "stem", "position") - m.add_sensor("cam lift", "guide", "position")
+    )
     names = ("seat spring.stiffness", "seat spring.damping", "pushrod.damping")
     scale = np.array([2e4, 10.0, 40.0])
     runs: list[Result] = []
@@ -126,7 +128,7 @@ def valve_train() -> Design:
         values = dict(zip(names, (x * scale).tolist(), strict=True))
         g = m.gradient(1e6 * pt.integral(lag * lag), by=names, duration=0.03, parameters=values, rtol=1e-9, atol=1e-11)
         runs.append(g.run)
-        return g.value, g.flat * scale
+        return g.value, g.vector * scale
 
     begin = np.array([1.0, 0.5, 0.5])
     bounds = [(0.05, 3.0), (0.05, 12.0), (0.05, 12.0)]
@@ -179,8 +181,8 @@ def toe() -> Design:
 
 
 def swing_up() -> Design:
-    """With what speed a crank with a flywheel must be let go, and when to look, so that a pendulum on its pin stands upright
-    and at rest there."""
+    """With what speed a crank with a flywheel must be let go, and when to look, so that a pendulum on its pin stands
+    upright and at rest there."""
     m = pt.Mechanism("swing-up", gravity=(0, -9.81, 0))
     crank = m.add_body("crank", mass=4.0, inertia=(0.2, 0.2, 0.2))
     rod = m.add_rod("rod", start=(0.25, 0, 0), end=(0.25, -0.5, 0), mass=0.4)
@@ -191,6 +193,7 @@ def swing_up() -> Design:
     spin = m.add_sensor("axle rate", "axle", "velocity") + m.add_sensor("pin rate", "pin", "velocity")
     m.add_sensor("rate", spin)
     m.add_sensor("angle", m.add_sensor("axle angle", "axle", "position") + m.add_sensor("pin angle", "pin", "position"))
+
     def start(rate: float) -> pt.State:
         return m.assemble({"axle": 0.0, "pin": 0.0}, {"axle": rate, "pin": -rate})
 
@@ -221,7 +224,14 @@ def swing_up() -> Design:
     for _, rate, end, upright in sorted(near)[:TRIED]:
         begin = np.array([rate, end])
         found = least_squares(
-            off, begin, jac=slopes, args=(upright,), bounds=((2.0, 0.1), (20.0, 4.0)), xtol=1e-14, ftol=1e-14, gtol=1e-14
+            off,
+            begin,
+            jac=slopes,
+            args=(upright,),
+            bounds=((2.0, 0.1), (20.0, 4.0)),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
         )
         missed = float(np.abs(off(found.x, upright)).max())
         if missed < CLOSE:
@@ -260,7 +270,7 @@ def main(folder: Path | None = None) -> int:
     found = [design() for design in DESIGNS]
     for design in found:
         met = "met" if design.number <= design.bound else "MISSED"
-        print(f"{design.name}: {design.said} ({design.evaluations} runs with derivatives; {met})")
+        print(f"{design.name}: {design.summary} ({design.evaluations} runs with derivatives; {met})")
     if folder is not None:
         draw(found, folder)
     return int(any(not design.number <= design.bound for design in found))

@@ -132,8 +132,8 @@ def _observed(value: Any) -> Any:
     if (name := getattr(value, "name", None)) is not None:
         return str(name)
     raise ArgumentError(
-        f"{shown(value)} is no objective; give the name of a sensor or a joint, an expression of sensors, pt.integral(...), "
-        'pt.peak(...), "t:event" for the time of an event, or sums and products of these',
+        f"{shown(value)} is no objective; give the name of a sensor or a joint, an expression of sensors, "
+        'pt.integral(...), pt.peak(...), "t:event" for the time of an event, or sums and products of these',
         argument="objective",
     )
 

@@ -23,10 +23,11 @@ def simulate(
 ) -> Any:
     """Run a mechanism with numbers of JAX, and return what is observed as an array that `grad`, `jit` and `vmap` take.
 
-    The run is that of `Mechanism.simulate`, called from JAX on the host; `grad` goes back through its steps once, whatever
-    the number of numbers, through loops, exchanges of coordinates, events and impacts. JAX computes in double precision
-    where `jax.config.update("jax_enable_x64", True)` was called, which this requires. Prefer `Mechanism.to_jax` for the
-    equations alone, which then run on an accelerator; members of `vmap` run one after the other here.
+    The run is that of `Mechanism.simulate`, called from JAX on the host; `grad` goes back through its steps once,
+    whatever the number of numbers, through loops, exchanges of coordinates, events and impacts. JAX computes in double
+    precision where `jax.config.update("jax_enable_x64", True)` was called, which this requires. Prefer
+    `Mechanism.to_jax` for the equations alone, which then run on an accelerator; members of `vmap` run one after the
+    other here.
 
     Args:
         mechanism: a `Mechanism`.
@@ -59,7 +60,7 @@ def simulate(
     jax = extra("jax", "jax", "partita.jax.simulate")
     if not jax.config.jax_enable_x64:
         raise ArgumentError(
-            'JAX computes in single precision, which loops and tolerances do not allow; call jax.config.update('
+            "JAX computes in single precision, which loops and tolerances do not allow; call jax.config.update("
             '"jax_enable_x64", True) before',
             argument="by",
         )
@@ -86,7 +87,7 @@ def simulate(
     def back(weights: Any, *inputs: Any) -> Any:
         return tuple(made.back(passed(list(inputs)), np.asarray(weights)))
 
-    @jax.custom_vjp
+    @jax.custom_vjp  # type: ignore[untyped-decorator]
     def run(*inputs: Any) -> Any:
         return jax.pure_callback(there, shape, *inputs, vmap_method="sequential")
 

@@ -20,11 +20,12 @@ def simulate(
     t_eval: Any = None,
     **options: Any,
 ) -> Any:
-    """Run a mechanism with numbers that are tensors, and return what is observed as a tensor that can be differentiated.
+    """Run a mechanism with numbers that are tensors, and return what is observed as a tensor that can be
+    differentiated.
 
-    The run is that of `Mechanism.simulate`, in double precision; `backward()` goes back through its steps once, whatever the
-    number of numbers, through loops, exchanges of coordinates, events and impacts. Prefer `Mechanism.gradient` without
-    PyTorch.
+    The run is that of `Mechanism.simulate`, in double precision; `backward()` goes back through its steps once,
+    whatever the number of numbers, through loops, exchanges of coordinates, events and impacts. Prefer
+    `Mechanism.gradient` without PyTorch.
 
     Args:
         mechanism: a `Mechanism`.
@@ -74,7 +75,7 @@ def _function(torch: Any, made: Through) -> Any:
             return torch.from_numpy(np.ascontiguousarray(passed.values)).to(values[0].device if values else "cpu")
 
         @staticmethod
-        @torch.autograd.function.once_differentiable
+        @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
         def backward(ctx: Any, weights: Any) -> Any:
             passed: Passed = ctx.passed
             found = made.back(passed, weights.detach().cpu().numpy())

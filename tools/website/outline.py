@@ -35,6 +35,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "holding",
         "stepping",
         "stiff",
+        "derivatives",
         "statics",
         "vibration",
         "placement",

@@ -1,12 +1,11 @@
 //! A mechanism over numbers that carry derivatives along a few directions: its rates for a choice of coordinates, and what
 //! is observed of it.
 
-use crate::error::DescriptionError;
 use crate::coupling::Condition;
+use crate::error::DescriptionError;
 use crate::evaluator::{Evaluator, Scratch, Wide};
 use crate::event_functions::Formula;
 use crate::force::Element;
-use crate::joint::Motion;
 use crate::measurement::{Maker, Measurement};
 use crate::model::Model;
 use crate::rows::Owner;
@@ -118,7 +117,8 @@ impl Model {
         let coupling = self.own.full.conditions.iter().find(of_motion).map(|c| &*c.name);
         let named = [("force", force), ("coupling", coupling)].into_iter().find_map(|(kind, x)| x.map(|x| (kind, x)));
         if let Some((kind, name)) = named {
-            let message = "it calls a function of Python that depends on the motion, which has no derivative; give a table, or \
+            let message =
+                "it calls a function of Python that depends on the motion, which has no derivative; give a table, or \
                            the numbers of an element";
             return Err(DescriptionError::new(kind, name, message));
         }
@@ -176,7 +176,11 @@ impl Model {
                 let changes: Vec<(&str, &[Recorder])> = all.iter().map(|(name, x)| (name.as_str(), *x)).collect();
                 let e = self.over_with::<Recorder>(&changes)?;
                 f(&e, x[0], &x[1..1 + nq], &x[1 + nq..first]).map_err(|e| {
-                    DescriptionError::new("mechanism", &self.spec.name, format!("its equations cannot be recorded: {e}"))
+                    DescriptionError::new(
+                        "mechanism",
+                        &self.spec.name,
+                        format!("its equations cannot be recorded: {e}"),
+                    )
                 })
             })?;
             Ok::<_, DescriptionError>(made.lean())
@@ -204,9 +208,9 @@ impl Model {
                 let mut lambda = vec![Recorder::zero(); size.rows];
                 x.levels(t, q, u)?;
                 x.multipliers(t, q, &mut lambda)?;
-                let observers = self.observers(e, integrals, "objective").map_err(|e| {
-                    SystemError::argument("objective", e.to_string())
-                })?;
+                let observers = self
+                    .observers(e, integrals, "objective")
+                    .map_err(|e| SystemError::argument("objective", e.to_string()))?;
                 let at = CarriedState { t, q, v: &x.v, forces: Some((&x.vdot, &lambda)) };
                 observers.read(e, &mut e.scratch(), &at, &mut out)?;
                 Ok(out)
@@ -224,7 +228,7 @@ impl Model {
         t: f64,
         q: &[Carried],
         v: &[Carried],
-    ) -> Result<(Vec<Carried>, Vec<Carried>, Vec<Carried>), SystemError> {
+    ) -> Result<[Vec<Carried>; 3], SystemError> {
         let (size, pattern) = (self.size(), self.pattern());
         let zeros = |n: usize| vec![Carried::zero(); n];
         let (t, n, mut s) = (Dual::constant(t), size.nv, e.scratch());
@@ -237,7 +241,7 @@ impl Model {
         for i in 0..size.rows {
             pattern.row(i).for_each(|entry| rows[i * n + pattern.col_idx[entry]] = c[entry]);
         }
-        Ok((mass, rows, a))
+        Ok([mass, rows, a])
     }
 
     /// A measure, or a rate of rotation about an axis of the child, which has no position.
@@ -250,7 +254,6 @@ impl Model {
         if let Measure::Joint { joint, coordinate } = measure {
             if let Some((j, component)) = maker.turn_in_space(joint, *coordinate, name)? {
                 let p = &self.own.placed.joints[j];
-                debug_assert!(p.shape.motions.contains(&Motion::Ball));
                 return Ok(maker.spin(p, component));
             }
         }
@@ -300,10 +303,12 @@ impl<S: Scalar> Making<'_, S> {
 
     fn formula(&mut self, formula: &Formula) -> Result<Formula<usize>, DescriptionError> {
         let mut failure = None;
-        let numbered = formula.map(&mut |measure: &Measure| self.measure(measure).unwrap_or_else(|e| {
-            failure = Some(e);
-            0
-        }));
+        let numbered = formula.map(&mut |measure: &Measure| {
+            self.measure(measure).unwrap_or_else(|e| {
+                failure = Some(e);
+                0
+            })
+        });
         match failure {
             Some(e) => Err(e),
             None if numbered.calls() => Err(self.refused(
@@ -361,11 +366,8 @@ impl<S: Scalar> Observers<S> {
             Some((vdot, lambda)) => Some((e.reactions(at.t, at.q, at.v, vdot, lambda, s)?.joints, lambda)),
             None => None,
         };
-        let read: Vec<[S; 2]> = self
-            .measures
-            .iter()
-            .map(|m| [m.value(&e.full, &s.full, at.q), m.rate(&e.full, &s.full, at.v)])
-            .collect();
+        let read: Vec<[S; 2]> =
+            self.measures.iter().map(|m| [m.value(&e.full, &s.full, at.q), m.rate(&e.full, &s.full, at.v)]).collect();
         let forces = wrenches.as_ref().map(|(joints, lambda)| (&joints[..], *lambda));
         out.iter_mut().zip(&self.all).for_each(|(out, x)| *out = x.value(at.t, &read, forces));
         Ok(())

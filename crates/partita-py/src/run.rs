@@ -10,7 +10,7 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
-use partita_analysis::sensitivity::{self, Asked, Instant as At, Leg, Time, Weights};
+use partita_analysis::sensitivity::{self, SensitivityRequest, Instant as At, Leg, Time, Weights};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::{Observe, Outcome, Status};
@@ -320,20 +320,17 @@ impl Account {
         asked: &str,
         times: PyReadonlyArray1<'py, f64>,
         before: Vec<bool>,
-    ) -> PyResult<([Array<'py>; 3], [Vec<(f64, Vec<f64>)>; 2])> {
+    ) -> PyResult<([Array<'py>; 3], [Derived; 2])> {
         guarded(py, || {
-            let asked: Asked = read_asked(py, asked)?;
+            let asked: SensitivityRequest = read_asked(py, asked)?;
             let times = times_of(&times, before);
             let (n, m, d) = (times.len(), asked.observables.len(), asked.directions.len());
             let found = watched(py, |watch| {
                 let legs = self.run.legs(&times)?;
                 sensitivity::forward(&legs, n, &asked, watch)
             })?;
-            let arrays = [
-                array(py, &[n, m], found.values),
-                array(py, &[n, m], found.rates),
-                array(py, &[n, m, d], found.along),
-            ];
+            let arrays =
+                [array(py, &[n, m], found.values), array(py, &[n, m], found.rates), array(py, &[n, m, d], found.along)];
             Ok((arrays, [found.integrals, found.shifts]))
         })
     }
@@ -347,7 +344,7 @@ impl Account {
         before: Vec<bool>,
     ) -> PyResult<Array<'py>> {
         guarded(py, || {
-            let (asked, weights): (Asked, Weights) = (read_asked(py, asked)?, read_asked(py, weights)?);
+            let (asked, weights): (SensitivityRequest, Weights) = (read_asked(py, asked)?, read_asked(py, weights)?);
             let times = times_of(&times, before);
             let found = watched(py, |watch| {
                 let legs = self.run.legs(&times)?;
@@ -412,6 +409,9 @@ impl Account {
         Ok(counters)
     }
 }
+
+/// Numbers, each with its derivatives.
+type Derived = Vec<(f64, Vec<f64>)>;
 
 /// What is asked of derivatives, as the Python package writes it.
 fn read_asked<T: serde::de::DeserializeOwned>(py: Python<'_>, text: &str) -> PyResult<T> {

@@ -7,12 +7,13 @@ use crate::functions::Callables;
 use crate::outputs::{assessed, described, watched};
 use crate::run::{carried_out, reported, whole, Account, Ended, Read, Reported, RunLog, Stopping};
 use numpy::PyReadonlyArray1;
-use partita_analysis::run::segments::{
-    in_segments, spread, Action, Cause, Decisions, Happening, Plan, Segment, Segments, Slipping, Transition, WrittenPlan,
-};
 use partita_analysis::error::AnalysisError;
-use partita_analysis::sensitivity::{Instant, Jump, Leg, Reason, Time};
+use partita_analysis::run::segments::{
+    in_segments, spread, Action, Cause, Decisions, Happening, Plan, Segment, Segments, Slipping, Transition,
+    WrittenPlan,
+};
 use partita_analysis::run::{Assessed, Balance, Described, Finding, Request, SolutionLog};
+use partita_analysis::sensitivity::{Instant, Jump, Leg, Reason, Time};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::Observe;

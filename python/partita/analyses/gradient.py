@@ -25,8 +25,8 @@ class Gradient:
         value: of the objective.
         by: number -> derivative, with the shape of the number; keys as they were given.
         method: "forward" or "adjoint".
-        agrees: on `check=True` the largest difference to central differences of runs, over the largest derivative of the
-            number; else None.
+        agrees: on `check=True` the largest difference to central differences of runs, over the largest derivative of
+            the number; else None.
         hessian: on `second=True` second derivatives, numbers side by side in the order of `by`; else None.
         hessian_error: how exact these are, about: the change by the last extrapolation.
         run: the run.
@@ -43,7 +43,7 @@ class Gradient:
     notes: tuple[str, ...] = field(default_factory=tuple)
 
     @property
-    def flat(self) -> Array:
+    def vector(self) -> Array:
         """All derivatives side by side, in the order of `by`."""
         return np.concatenate([np.ravel(x) for x in self.by.values()]) if self.by else np.zeros(0)
 
@@ -53,4 +53,4 @@ class Gradient:
 
     def _repr_html_(self) -> str:
         rows = [(str(key), np.array2string(np.asarray(x), precision=6)) for key, x in self.by.items()]
-        return table(["number", "derivative"], rows)
+        return table("derivatives", rows)

@@ -14,7 +14,6 @@ from ..derivatives import EndTime, Objective, Start, StartRate, objective
 from ..errors import ArgumentError, DescriptionError, IntegrationError
 from ..limits import raised
 from ..naming import index_of
-from ..numeric import shown
 from ..options import one_of
 from ..results import Result
 from ..results.sensitivities import (
@@ -32,21 +31,22 @@ from ..results.sensitivities import (
 from ..state import State
 from .models import Modelled
 from .solve import assemble, simulate
+from .through import ATOL_OF_DERIVATIVES, RTOL_OF_DERIVATIVES
 
 Array = NDArray[np.float64]
 METHODS = ("auto", "forward", "adjoint")
 FEW = 16
-"""Numbers up to which derivatives are carried forwards. Unit: number. Reason: two passes with eight each cost about as much as
-the recordings of one backwards."""
+"""Numbers up to which derivatives are carried forwards. Unit: number. Reason: two passes with eight each cost about as
+much as the recordings of one backwards."""
 CHECKED = 1e-4
 """Changes of numbers by which a gradient is checked. Scale: the number, or 1. Reason: extrapolated once, the error of
 differences is as small as what a run at these tolerances leaves."""
-NOISE = 1e-8
-"""Derivatives below what differences of so small values leave are not compared. Scale: value over the step of the differences.
-Reason: what a run at these tolerances may be off by."""
+INVISIBLE = 1e-8
+"""Derivatives below what differences of so small values leave are not compared. Scale: value over the step of the
+differences. Reason: what a run at these tolerances may be off by."""
 SECOND = 1e-3
-"""Changes of numbers by which gradients are differenced for second derivatives. Scale: the number, or 1. Reason: with two
-extrapolations the curvature of what is differenced is as small as the noise of its last digits."""
+"""Changes of numbers by which gradients are differenced for second derivatives. Scale: the number, or 1. Reason: with
+two extrapolations the curvature of what is differenced is as small as the noise of its last digits."""
 
 
 def gradient(
@@ -62,25 +62,26 @@ def gradient(
     method: str = "auto",
     second: bool = False,
     check: bool = False,
-    rtol: float = 1e-10,
-    atol: float = 1e-12,
+    rtol: float = RTOL_OF_DERIVATIVES,
+    atol: float = ATOL_OF_DERIVATIVES,
     options: Mapping[str, Any] | None = None,
 ) -> Gradient:
     """Run the mechanism and compute the derivatives of an objective, through loops, exchanges, events and impacts.
 
-    Prefer it to differences of runs, which lose half of the digits and cost a run for each number; and `run.sensitivities`
-    where derivatives along the run are wanted.
+    Prefer it to differences of runs, which lose half of the digits and cost a run for each number; and
+    `run.sensitivities` where derivatives along the run are wanted.
 
     Args:
         of: a sensor, a joint or an expression of sensors (its value at the end), `pt.integral(...)`, `pt.peak(...)`,
             "t:event" (the time at which an event happens first), or sums and products of these and of numbers. Observed
-            are positions and rates of joints, points and measures, forces of joints where they are determined, efforts of
-            drives.
-        by: numbers: parameters, lengths, `pt.start("A")`, `pt.start_rate("A")`, `pt.end_time`; see `Result.sensitivities`.
+            are positions and rates of joints, points and measures, forces of joints where they are determined, efforts
+            of drives.
+        by: numbers: parameters, lengths, `pt.start("A")`, `pt.start_rate("A")`, `pt.end_time`; see
+            `Result.sensitivities`.
         duration: of the run [s].
         held: joints whose positions and rates at the start stay; see `Result.sensitivities`.
-        initial, events, parameters, rtol, atol: as in `simulate`; the tolerance is tighter, as derivatives lose a digit or
-            two.
+        initial, events, parameters, rtol, atol: as in `simulate`; the tolerance is tighter, as derivatives lose a
+            digit or two.
         method: "forward" carries derivatives along the steps, eight numbers at a time; "adjoint" goes back through the
             steps that were taken, at a cost that hardly depends on how many numbers there are; "auto" takes the cheaper
             one, and the result says which.
@@ -92,8 +93,8 @@ def gradient(
         `Gradient`, with `.value`, `.by[...]` and `.run`.
 
     Raises:
-        ArgumentError: something has no derivative (an event that only touches zero, a function of the user, an undetermined
-            reaction): the message names it.
+        ArgumentError: something has no derivative (an event that only touches zero, a function of the user, an
+            undetermined reaction): the message names it.
         IntegrationError: the run stopped before its end.
 
     A pendulum: how the angle after one second depends on the mass, and on the start.
@@ -107,14 +108,16 @@ def gradient(
     (True, True)
     """
     chosen = one_of("method", method, METHODS)
-    case = _Case(self, objective(of), duration, initial, tuple(events or ()), dict(parameters or {}), rtol, atol, options)
+    case = _Case(
+        self, objective(of), duration, initial, tuple(events or ()), dict(parameters or {}), rtol, atol, options
+    )
     run = case.run({}, case.initial)
     given = [by] if isinstance(by, str | Start | StartRate | EndTime) else list(by)
-    gauges = held_of(run, held)
-    numbers = numbers_of(given, run, gauges)
-    found = case.derived(run, numbers, gauges, chosen)
-    agrees = case.checked(run, numbers, gauges, found[1]) if check else None
-    hessian, error = case.second(run, numbers, gauges, chosen) if second else (None, None)
+    coordinates = held_of(run, held)
+    numbers = numbers_of(given, run, coordinates)
+    found = case.derived(run, numbers, coordinates, chosen)
+    agrees = case.checked(run, numbers, coordinates, found[1]) if check else None
+    hessian, error = case.second(run, numbers, coordinates, chosen) if second else (None, None)
     return Gradient(
         value=found[0],
         by=_split(numbers, found[1]),
@@ -127,12 +130,12 @@ def gradient(
     )
 
 
-def _split(numbers: list[Number], flat: Array) -> dict[Any, Any]:
+def _split(numbers: list[Number], derivatives_of_all: Array) -> dict[Any, Any]:
     out: dict[Any, Any] = {}
     first = 0
     for number in numbers:
         count = len(number.directions)
-        part = flat[first : first + count].reshape(number.shape)
+        part = derivatives_of_all[first : first + count].reshape(number.shape)
         out[number.key] = part if number.shape else float(part)
         first += count
     return out
@@ -170,7 +173,9 @@ class _Case:
             raise IntegrationError(f"the run of the gradient ended early: {run.message}")
         return run
 
-    def derived(self, run: Result, numbers: list[Number], held: list[Held], method: str) -> tuple[float, Array, _Leaves]:
+    def derived(
+        self, run: Result, numbers: list[Number], held: list[Held], method: str
+    ) -> tuple[float, Array, _Leaves]:
         """Value and derivatives, and what computed them."""
         count = sum(len(number.directions) for number in numbers)
         leaves = _Leaves(run, numbers, held, count)
@@ -194,24 +199,34 @@ class _Case:
             return changes, first, None
         if turning := [one.name for one in held if one.is_turn]:
             raise ArgumentError(
-                f"check=True cannot move the start while {', '.join(turning)} is held, which is no coordinate; hold joints "
-                "with slides and angles",
+                f"check=True cannot move the start while {', '.join(turning)} is held, which is no coordinate; hold "
+                "joints with slides and angles",
                 argument="check",
             )
         wanted: list[dict[str, float]] = []
         for own, seed in zip((first.position, first.velocity), seeds, strict=True):
-            wanted.append({one.name: float(np.ravel(own(one.joint))[one.coordinate]) + by * s for one, s in zip(held, seed, strict=True)})
+            wanted.append(
+                {
+                    one.name: float(np.ravel(own(one.joint))[one.coordinate]) + by * s
+                    for one, s in zip(held, seed, strict=True)
+                }
+            )
         near = assemble(
-            self.mechanism, wanted[0], wanted[1], near=first, t=first.t, parameters={**self.parameters, **changes} or None
+            self.mechanism,
+            wanted[0],
+            wanted[1],
+            near=first,
+            t=first.t,
+            parameters={**self.parameters, **changes} or None,
         )
         return changes, near, None
 
-    def checked(self, run: Result, numbers: list[Number], held: list[Held], flat: Array) -> float:
+    def checked(self, run: Result, numbers: list[Number], held: list[Held], derivatives_of_all: Array) -> float:
         """The largest difference to central differences."""
         worst, first, step = 0.0, 0, 1.0
         value = self.derived(run, [], held, "forward")[0]
         for number in numbers:
-            own = flat[first : first + len(number.directions)]
+            own = derivatives_of_all[first : first + len(number.directions)]
             first += len(number.directions)
             found = []
             for i in range(len(number.directions)):
@@ -225,7 +240,7 @@ class _Case:
                     slopes.append((ends[0] - ends[1]) / (2.0 * factor * step))
                 found.append((4.0 * slopes[0] - slopes[1]) / 3.0)
             size = max(float(np.abs(own).max(initial=0.0)), float(np.abs(found).max(initial=0.0)))
-            if size > NOISE * max(1.0, abs(value)) / step:
+            if size > INVISIBLE * max(1.0, abs(value)) / step:
                 worst = max(worst, float(np.abs(own - found).max()) / size)
         return worst
 
@@ -318,7 +333,7 @@ class _Leaves:
             except DescriptionError as error:
                 if method == "adjoint":
                     raise
-                self.notes.append(f'derivatives were carried forwards, as the steps cannot be recorded: {error}')
+                self.notes.append(f"derivatives were carried forwards, as the steps cannot be recorded: {error}")
             else:
                 self.method = "adjoint"
                 return found
@@ -330,12 +345,12 @@ class _Leaves:
         happened = [self._first(name) for name in self._times]
         last = self._terminal(end)
         formulas = [{"formula": run._formulas[name]} for name in self._times]
-        gauge = [] if last is None else [{"formula": run._formulas[last]}]
-        observables = [*self._ends, *self._integrals, *gauge, *(x for x, _ in self._peaks), *formulas]
+        ended_by = [] if last is None else [{"formula": run._formulas[last]}]
+        observables = [*self._ends, *self._integrals, *ended_by, *(x for x, _ in self._peaks), *formulas]
         at = [(end, last is not None), *((t, False) for _, t in self._peaks), *((t, True) for t in happened)]
         both = [observed(run, observables, [t], before=flag) for t, flag in at]
         values, rates = (np.concatenate([one[i] for one in both]) for i in range(2))
-        peak, first = len(self._ends) + len(self._integrals) + len(gauge), len(observables) - len(formulas)
+        peak, first = len(self._ends) + len(self._integrals) + len(ended_by), len(observables) - len(formulas)
         gathered = []
         if self._integrals:
             still = derivatives(run, [], self._held, [], [end], integrals=self._integrals)
@@ -351,7 +366,7 @@ class _Leaves:
             self._known[id(part)] = known[word][i], none
         weights, of_integrals = np.zeros((len(at), len(observables))), np.zeros(len(self._integrals))
         ending = 0.0
-        for (part, word, i), weight in zip(self._order, self._slopes(of), strict=True):
+        for (_, word, i), weight in zip(self._order, self._slopes(of), strict=True):
             if word == "peak":
                 weights[1 + i, peak + i] += weight
             elif word == "time":
@@ -406,9 +421,9 @@ class _Leaves:
         moved = np.zeros(self._count)
         ending = [i for i, x in enumerate(d for n in self._numbers for d in n.directions) if "end" in x]
         if last is not None:  # such a run ends where the event happens
-            gauge = len(self._ends) + len(self._integrals)
+            ended_by = len(self._ends) + len(self._integrals)
             along[0, :, ending] = 0.0
-            moved = -along[0, gauge] / rates[0, gauge]
+            moved = -along[0, ended_by] / rates[0, ended_by]
         parts: dict[str, list[tuple[float, Array]]] = {"end": [], "integral": [], "peak": [], "time": []}
         for i in range(len(self._ends)):
             parts["end"].append((float(found.values[0, i]), along[0, i] + rates[0, i] * moved))
@@ -437,7 +452,9 @@ class _Leaves:
         """When an event happens first."""
         found = [event.t for event in self._run.events if event.name == name]
         if not found:
-            raise ArgumentError(f'the event "{name}" does not happen in this run, so that it has no time', argument="objective")
+            raise ArgumentError(
+                f'the event "{name}" does not happen in this run, so that it has no time', argument="objective"
+            )
         return float(found[0])
 
     def _terminal(self, end: float) -> str | None:

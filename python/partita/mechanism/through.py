@@ -19,6 +19,10 @@ from .models import Modelled, compile
 from .solve import assemble, simulate
 
 Array = NDArray[np.float64]
+RTOL_OF_DERIVATIVES = 1e-10
+"""Relative tolerance of a run that is differentiated. Scale: as of `RTOL`. Reason: derivatives lose a digit or two."""
+ATOL_OF_DERIVATIVES = 1e-12
+"""Absolute tolerance of a run that is differentiated. Scale: as of `ATOL`. Reason: a hundredth of the relative one."""
 
 
 @dataclass
@@ -103,14 +107,14 @@ class Through:
     def back(self, passed: Passed, weights: Array) -> list[Array]:
         """The derivatives of the weighed sum of what was observed by each number, in its shape."""
         at = [(float(t), False) for t in self.times]
-        flat = backward(
+        found = backward(
             passed.run, passed.numbers, passed.held, passed.observables, at, integrals=(),
             weights=(np.asarray(weights, dtype=float).reshape(self.shape), np.zeros(0)),
         )  # fmt: skip
         out, first = [], 0
         for number in passed.numbers:
             count = len(number.directions)
-            out.append(flat[first : first + count].reshape(number.shape))
+            out.append(found[first : first + count].reshape(number.shape))
             first += count
         return out
 
@@ -129,10 +133,11 @@ def through(
     initial, events = own.pop("initial", None), own.pop("events", None)
     if unknown := {"parameters", "t_eval"} & own.keys():
         raise ArgumentError(
-            f"{', '.join(sorted(unknown))} cannot be given here: numbers come as tensors, times as t_eval", argument="options"
+            f"{', '.join(sorted(unknown))} cannot be given here: numbers come as tensors, times as t_eval",
+            argument="options",
         )
-    own.setdefault("rtol", 1e-10)
-    own.setdefault("atol", 1e-12)
+    own.setdefault("rtol", RTOL_OF_DERIVATIVES)
+    own.setdefault("atol", ATOL_OF_DERIVATIVES)
     start = 0.0 if initial is None else float(initial.t)
     times = np.array([start + duration]) if t_eval is None else np.asarray(t_eval, dtype=float)
     observed_ones = [of] if isinstance(of, str) or not isinstance(of, Iterable) else list(of)

@@ -144,25 +144,26 @@ class Result(Run):
 
         Every step of the run is taken again with numbers that carry derivatives, by the coefficients and for the
         coordinates by which it was taken: through exchanges of coordinates, events, impacts and locks. They are the
-        derivatives of the numbers that the run computed, where the lengths of its steps are constants, and as exact as the
-        run. Prefer `Mechanism.gradient` for one objective of many numbers.
+        derivatives of the numbers that the run computed, where the lengths of its steps are constants, and as exact as
+        the run. Prefer `Mechanism.gradient` for one objective of many numbers.
 
         Args:
-            by: numbers, one or several: a parameter of `Mechanism.compile().parameters`, such as "crank.mass", "crank.com"
-                (3 derivatives) or "A.point" (moves on both bodies); the length of a body with two joints,
-                "coupler.length" (the joint that is not on the ground, or the later one, moves on this body, whose centre
-                of mass stays); `pt.start("A")` and `pt.start_rate("A")`, position and rate of a joint at the start;
-                `pt.end_time`.
-            held: joints, as many coordinates as degrees of freedom, whose positions and rates at the start stay when other
-                numbers change; None: those that the start was assembled with, or the coordinates in use there.
+            by: numbers, one or several: a parameter of `Mechanism.compile().parameters`, such as "crank.mass",
+                "crank.com" (3 derivatives) or "A.point" (moves on both bodies); the length of a body with two joints,
+                "coupler.length" (the joint that is not on the ground, or the later one, moves on this body, whose
+                centre of mass stays); `pt.start("A")` and `pt.start_rate("A")`, position and rate of a joint at the
+                start; `pt.end_time`.
+            held: joints, as many coordinates as degrees of freedom, whose positions and rates at the start stay when
+                other numbers change; None: those that the start was assembled with, or the coordinates in use there.
 
         Raises:
-            ArgumentError: the run keeps no steps, or what is held does not determine the start, or an event only touches
+            ArgumentError: the run keeps no steps, or what is held does not determine the start, or an event only
+            touches
                 zero, or two happen at once, so that there is no derivative: the message names it.
             UnknownNameError: there is no such number.
 
-        Cost: for each eight numbers about that of the run, times six. Source: the discrete tangent of the steps; at events
-        the jump of Aizerman and Gantmakher (saltation).
+        Cost: for each eight numbers about that of the run, times six. Source: the discrete tangent of the steps; at
+        events the jump of Aizerman and Gantmakher (saltation).
 
         >>> import partita as pt
         >>> m = pt.catalogue.load("four-bar")

@@ -5,21 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..derivatives import EndTime, Objective, Start, StartRate, objective
+from ..derivatives import EndTime, Start, StartRate, objective
 from ..errors import ArgumentError
-from ..limits import raised
 from ..naming import index_of
-from ..notebook import table
 from ..numeric import shown
 from ..sensing import SensorRecord
-
-if TYPE_CHECKING:
-    from .result import Result
 
 Array = NDArray[np.float64]
 Tree = Any
@@ -30,13 +25,17 @@ Values = Observable | list[Observable]
 RATES = ("position", "velocity")
 AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SAMPLED = 8
-"""States in each step of a run at which the place of a largest value is looked for. Unit: number. Reason: what is sampled
-has at most a few extrema in a step, whose length follows the motion."""
-NONE = 1e-9
-"""A component of a reaction below this is none. Scale: largest component along the run. Reason: rounding of loads across a
-plane in which all others act."""
+"""States in each step of a run at which the place of a largest value is looked for. Unit: number. Reason: what is
+sampled has at most a few extrema in a step, whose length follows the motion."""
+AROUND = 1e-3
+"""How far beside a guess the time of a largest value is sought. Scale: width between its bounds. Reason: a guess by
+the secant has three digits more, so that both bounds close in."""
+ACROSS = 1e-9
+"""A component of a reaction below this is none. Scale: largest component along the run. Reason: rounding of loads
+across a plane in which all others act."""
 PLACED = 1e-13
-"""The time of a largest value is found to this. Scale: duration of the run. Reason: the value changes with its square."""
+"""The time of a largest value is found to this. Scale: duration of the run. Reason: the value changes with its
+square."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +49,8 @@ class Number:
 
 
 def _length(spec: Mapping[str, Any], name: str) -> tuple[float, dict[str, list[float]]] | None:
-    """The length of a body, and changes of joints by which it grows by one, its centre of mass staying on it; None where
-    there is no such body."""
+    """The length of a body, and changes of joints by which it grows by one, its centre of mass staying on it; None
+    where there is no such body."""
     body = name.removesuffix(".length")
     ends = [joint for joint in spec["joints"] if body in (joint["parent"], joint["child"])]
     if not any(one["name"] == body for one in spec["bodies"]):
@@ -129,20 +128,22 @@ def lengths(mechanism: Any, wanted: Mapping[str, float]) -> dict[str, list[float
     return grown(mechanism.compile().description, wanted)
 
 
-def number_of(key: Any, present: Mapping[str, Sequence[float]], spec: Mapping[str, Any], held: Sequence[Held]) -> Number:
+def number_of(
+    key: Any, present: Mapping[str, Sequence[float]], spec: Mapping[str, Any], held: Sequence[Held]
+) -> Number:
     """A number that is differentiated by, from what the user names."""
     if isinstance(key, EndTime):
         return Number(key, (), ({"end": 1.0},))
     if isinstance(key, Start | StartRate):
         word = "start" if isinstance(key, Start) else "start_rates"
-        places = [i for i, one in enumerate(held) if (one.joint, one.coordinate) == (key.joint, key.coordinate)]
-        if not places:
+        indices = [i for i, one in enumerate(held) if (one.joint, one.coordinate) == (key.joint, key.coordinate)]
+        if not indices:
             raise ArgumentError(
                 f"{shown(str(key))}: at the start {', '.join(one.name for one in held)} is held, and the other joints "
                 f'follow; give held=("{key.joint}", ...)',
                 argument="by",
             )
-        return Number(key, (), ({word: np.eye(len(held))[places[0]].tolist()},))
+        return Number(key, (), ({word: np.eye(len(held))[indices[0]].tolist()},))
     name = str(key)
     if name not in present and name.endswith(".length") and (found := _length(spec, name)) is not None:
         return Number(key, (), ({"parameters": list(found[1].items())},))
@@ -152,7 +153,7 @@ def number_of(key: Any, present: Mapping[str, Sequence[float]], spec: Mapping[st
     return Number(key, shape, tuple({"parameters": [(name, row)]} for row in np.eye(count).tolist()))
 
 
-def numbers_of(by: Iterable[Any], run: Result, held: Sequence[Held]) -> list[Number]:
+def numbers_of(by: Iterable[Any], run: Any, held: Sequence[Held]) -> list[Number]:
     """The numbers that are differentiated by, as they are given."""
     present, spec = dict(_model(run).parameters()), run._record.spec or {}
     found = [number_of(key, present, spec, held) for key in by]
@@ -178,12 +179,12 @@ class Held:
     name: str
     joint: str
     coordinate: int
-    gauge: dict[str, Any]
+    measured: dict[str, Any]
     is_turn: bool = False
     """Whether it is a rate of a rotation in space, which is no coordinate."""
 
 
-def held_of(run: Result, held: Iterable[Any] | None) -> list[Held]:
+def held_of(run: Any, held: Iterable[Any] | None) -> list[Held]:
     """What is held at the start: what is given, what the start was assembled with, or the coordinates in use there."""
     joints = {joint["name"]: joint for joint in run.summary["joints"]}
 
@@ -220,9 +221,7 @@ def held_of(run: Result, held: Iterable[Any] | None) -> list[Held]:
     spans = [(joint["state_v"], joint["name"]) for joint in joints.values() if joint["state_v"] is not None]
     names, found = list(run.names.velocities), []
     for i in independent:
-        owner, offset = next(
-            ((name, i - span[0]) for span, name in spans if span[0] <= i < span[0] + span[1]), ("", 0)
-        )
+        owner, offset = next(((name, i - span[0]) for span, name in spans if span[0] <= i < span[0] + span[1]), ("", 0))
         found.append(Held(names[i], owner, offset, {"velocity": i}, names[i].rpartition(".")[2].startswith("w")))
     return found
 
@@ -230,7 +229,7 @@ def held_of(run: Result, held: Iterable[Any] | None) -> list[Held]:
 class Observing:
     """Turns sensors, joints and expressions into what the core observes."""
 
-    def __init__(self, run: Result) -> None:
+    def __init__(self, run: Any) -> None:
         self._run = run
         self._sensors: Mapping[str, SensorRecord] = getattr(run._sensors, "records", None) or {}
         self._joints = {joint["name"]: joint for joint in run.summary["joints"]}
@@ -254,18 +253,20 @@ class Observing:
         """The force or the moment of a joint, world axes."""
         first = 0 if reads == "force" else 3
         joint = self._run.joint(name)
-        known = np.asarray(joint.determined, dtype=bool).reshape(-1, 6)[:, first : first + 3].all(axis=0)
+        determined = np.asarray(joint.determined, dtype=bool).reshape(-1, 6)[:, first : first + 3]
+        known = [bool(determined[:, i].all()) for i in range(3)]
         values = np.asarray(getattr(joint, reads))
         found: list[Observable] = []
         for i in range(3):
             if known[i]:
                 found.append({"wrench": [name, first + i]})
-            elif float(np.abs(values[:, i]).max(initial=0.0)) <= NONE * float(np.abs(values).max(initial=0.0)):
+            elif float(np.abs(values[:, i]).max(initial=0.0)) <= ACROSS * float(np.abs(values).max(initial=0.0)):
                 # across the plane of a planar mechanism nothing acts
                 found.append({"formula": {"number": 0.0}})
             else:
                 raise ArgumentError(
-                    f'the {reads} of joint "{name}" is not determined by the motion (see run.joint("{name}").determined), '
+                    f'the {reads} of joint "{name}" is not determined by the motion (see '
+                    f'run.joint("{name}").determined), '
                     "so that it has no derivative; observe a determined reaction",
                     argument="objective",
                 )
@@ -318,8 +319,8 @@ class Observing:
             return [{"formula": {str(reads): {"of": "along", **ends, "axis": list(axis)}}} for axis in AXES]
         raise ArgumentError(
             f'the sensor "{name}" reads {reads or "what has no name"} of a {data["of"]}, of which derivatives are not '
-            "computed; observe positions and rates of joints, points and measures, forces and moments of joints in world "
-            "axes, or efforts of drives",
+            "computed; observe positions and rates of joints, points and measures, forces and moments of joints in "
+            "world axes, or efforts of drives",
             argument="objective",
         )
 
@@ -331,8 +332,8 @@ def _said(tree: Tree) -> str:
 class Sensitivities:
     """Derivatives of a run along its outputs, by `run.sensitivities`.
 
-    Each method gives, for one of the numbers of `by`, an array with the outputs along its first axis, then the components
-    of what is observed, then those of the number; without `by` a dict of all.
+    Each method gives, for one of the numbers of `by`, an array with the outputs along its first axis, then the
+    components of what is observed, then those of the number; without `by` a dict of all.
 
     Attributes:
         t: the outputs (nt,).
@@ -340,7 +341,7 @@ class Sensitivities:
         held: names of what is held at the start.
     """
 
-    def __init__(self, run: Result, by: Iterable[Any], held: Iterable[Any] | None) -> None:
+    def __init__(self, run: Any, by: Iterable[Any], held: Iterable[Any] | None) -> None:
         self.t = run.t
         self._run = run
         self._held = held_of(run, held)
@@ -360,7 +361,9 @@ class Sensitivities:
     def position(self, joint: Any, by: Any = None, *, coordinate: int = 0) -> Any:
         """Of the position of a joint [rad or m]."""
         name = str(getattr(joint, "name", joint))
-        return self._of(f"{name}.{coordinate} position", [self._observing.joint(name, "position", coordinate)], by, True)
+        return self._of(
+            f"{name}.{coordinate} position", [self._observing.joint(name, "position", coordinate)], by, True
+        )
 
     def rate(self, joint: Any, by: Any = None, *, coordinate: int = 0) -> Any:
         """Of the rate of a joint [rad/s or m/s]."""
@@ -404,7 +407,9 @@ class Sensitivities:
             return found
         if by not in found:
             known = ", ".join(str(key) for key in found)
-            raise ArgumentError(f"{shown(str(by))} is not among the numbers of these sensitivities: {known}", argument="by")
+            raise ArgumentError(
+                f"{shown(str(by))} is not among the numbers of these sensitivities: {known}", argument="by"
+            )
         return found[by]
 
     def __repr__(self) -> str:
@@ -423,7 +428,7 @@ class Derived:
     shifts: list[tuple[float, list[float]]]
 
 
-def _model(run: Result) -> Any:
+def _model(run: Any) -> Any:
     source = run._source
     model = getattr(source, "model", None)
     if model is None or run._record.arrays.log is None:
@@ -435,7 +440,7 @@ def _model(run: Result) -> Any:
 
 
 def derivatives(
-    run: Result,
+    run: Any,
     numbers: Sequence[Number],
     held: Sequence[Held],
     observables: Sequence[Observable],
@@ -447,23 +452,23 @@ def derivatives(
     """Values, rates and derivatives of what is observed at these times of a run."""
     _model(run)
     asked = {
-        "held": [(one.name, one.gauge) for one in held],
+        "held": [(one.name, one.measured) for one in held],
         "directions": [direction for number in numbers for direction in number.directions],
         "observables": list(observables),
         "integrals": list(integrals),
     }
     at = np.asarray(times, dtype=float)
-    log = run._record.arrays.log
-    arrays, (gathered, shifts) = log.derivatives(json.dumps(asked), at, [before] * len(at))
+    arrays, (gathered, shifts) = run._record.arrays.log.derivatives(json.dumps(asked), at, [before] * len(at))
     values, rates, along = arrays
-    ends = [i for i, direction in enumerate(asked["directions"]) if "end" in direction]
+    directions = [direction for number in numbers for direction in number.directions]
+    ends = [i for i, direction in enumerate(directions) if "end" in direction]
     for i in ends:  # what is observed where the run ends moves on
         along[at == run.t[-1], :, i] = rates[at == run.t[-1]]
     return Derived(values, rates, along, gathered, shifts)
 
 
 def backward(
-    run: Result,
+    run: Any,
     numbers: Sequence[Number],
     held: Sequence[Held],
     observables: Sequence[Observable],
@@ -472,11 +477,11 @@ def backward(
     integrals: Sequence[Observable],
     weights: tuple[Array, Array],
 ) -> Array:
-    """The derivatives of the weighed sum of what is observed at these times, each with whether what happens there has not
-    happened yet, and of integrals, backwards through the steps."""
+    """The derivatives of the weighed sum of what is observed at these times, each with whether what happens there has
+    not happened yet, and of integrals, backwards through the steps."""
     _model(run)
     asked = {
-        "held": [(one.name, one.gauge) for one in held],
+        "held": [(one.name, one.measured) for one in held],
         "directions": [direction for number in numbers for direction in number.directions],
         "observables": list(observables),
         "integrals": list(integrals),
@@ -487,7 +492,7 @@ def backward(
     return np.asarray(found)
 
 
-def observed(run: Result, observables: Sequence[Observable], times: Any, *, before: bool = False) -> tuple[Array, Array]:
+def observed(run: Any, observables: Sequence[Observable], times: Any, *, before: bool = False) -> tuple[Array, Array]:
     """Values and total rates of what is observed at these times."""
     _model(run)
     at = np.asarray(times, dtype=float)
@@ -495,9 +500,9 @@ def observed(run: Result, observables: Sequence[Observable], times: Any, *, befo
     return values, rates
 
 
-def largest(run: Result, observable: Observable) -> float:
-    """When what is observed is largest: between two states of a step at which its rate changes sign, to rounding, or at an
-    end of the run or an instant at which something happens."""
+def largest(run: Any, observable: Observable) -> float:
+    """When what is observed is largest: between two states of a step at which its rate changes sign, to rounding, or
+    at an end of the run or an instant at which something happens."""
     begin, end = float(run.t[0]), float(run.t[-1])
     steps = max(int(run.counters.get("kept_steps", 0)), 1)
     happened = sorted({float(event.t) for event in run.events if begin < float(event.t) < end})
@@ -532,5 +537,5 @@ def largest(run: Result, observable: Observable) -> float:
 
 def _around(guess: float, low: float, high: float) -> list[float]:
     """Times on both sides of a guess, far closer to it than the bounds."""
-    near = 1e-3 * (high - low)
-    return [guess - near, guess + near, guess - 1e-3 * near, guess + 1e-3 * near]
+    near, nearest = AROUND * (high - low), AROUND**2 * (high - low)
+    return [guess - near, guess + near, guess - nearest, guess + nearest]

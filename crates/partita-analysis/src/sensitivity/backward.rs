@@ -8,9 +8,9 @@
 //! What a step does is recorded once for each choice of coordinates and read backwards; the states where steps began are
 //! those of the run. Instants and the start, of which there are few, are differentiated forwards and transposed.
 
-use super::carry::{advanced_plain, Rates, State};
-use super::trail::{Instant, Leg, Stride};
-use super::{cross, start, stepping, Asked, Direction, Equations, Reader};
+use super::retaken::{advanced_plain, Rates, State};
+use super::legs::{Instant, Leg, Stride};
+use super::{cross, start, stepping, SensitivityRequest, Direction, Equations, Reader};
 use crate::error::AnalysisError;
 use crate::outputs::Watch;
 use partita_math::dense::{lu, lu_solve_transposed};
@@ -158,7 +158,7 @@ impl Parameters {
 ///
 /// # Errors
 /// Where something has no derivative, or cannot be recorded.
-pub fn backward(legs: &[Leg], asked: &Asked, weights: &Weights, watch: Watch) -> Result<Vec<f64>, AnalysisError> {
+pub fn backward(legs: &[Leg], asked: &SensitivityRequest, weights: &Weights, watch: Watch) -> Result<Vec<f64>, AnalysisError> {
     let filled = stepping(legs);
     let Some(&first) = filled.first() else { return Ok(vec![0.0; asked.directions.len()]) };
     let parameters = Parameters::new(&legs[first], &asked.directions)?;
@@ -194,7 +194,7 @@ fn through(
     legs: &[Leg],
     (from, to): (usize, usize),
     parameters: &Parameters,
-    (asked, weights): (&Asked, &Weights),
+    (asked, weights): (&SensitivityRequest, &Weights),
     after: Back,
 ) -> Result<Back, AnalysisError> {
     let (nq, nv) = (after.q.len(), after.v.len());
@@ -234,7 +234,7 @@ fn through(
 fn leg_back(
     leg: &Leg,
     parameters: &Parameters,
-    (asked, weights): (&Asked, &Weights),
+    (asked, weights): (&SensitivityRequest, &Weights),
     back: &mut Back,
     watch: Watch,
 ) -> Result<(), AnalysisError> {
@@ -249,8 +249,7 @@ fn leg_back(
             Some(known) => known,
             None => {
                 let count = leg.strides.iter().filter(|x| Arc::ptr_eq(&x.choice, &stride.choice)).count();
-                let made =
-                    leg.model.step_recordings(stride.choice.choice(), &parameters.all, &asked.integrals)?;
+                let made = leg.model.step_recordings(stride.choice.choice(), &parameters.all, &asked.integrals)?;
                 let compiles = count >= WORTH_COMPILING;
                 pieces.push(Pieces {
                     choice: stride.choice.clone(),
@@ -301,7 +300,7 @@ fn leg_back(
 fn observed(
     leg: &Leg,
     (plain, parameters): (&Equations, &Parameters),
-    asked: &Asked,
+    asked: &SensitivityRequest,
     (at, choice): (&Instant, &OwnedChoice),
     weights: &[f64],
 ) -> Result<Back, AnalysisError> {

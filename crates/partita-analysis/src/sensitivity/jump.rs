@@ -7,8 +7,8 @@
 //!
 //! All of it at the side before. Which rows act, and that a stop bounces, is as the run found it.
 
-use super::carry::{constant, Rates, State};
-use super::trail::{Instant, Stride};
+use super::retaken::{constant, Rates, State};
+use super::legs::{Instant, Stride};
 use crate::error::AnalysisError;
 use crate::run::segments::Law;
 use partita_math::dense::{cholesky_backward, cholesky_forward, cholesky_solve, cholesky_straight, pivoted_cholesky};
@@ -26,7 +26,7 @@ use std::sync::Arc;
 const TOUCHES: f64 = 1e-9;
 /// Way along the motion over which the rate of an event is differenced. Scale: length of the last step. Reason: the middle of
 /// the digits; the difference tells only whether an event is passed or touched.
-const WAY: f64 = 1e-6;
+const BEFORE: f64 = 1e-6;
 /// Derivatives of times that agree within this are the same. Scale: the largest of them. Reason: what happens at once for
 /// a reason happens so to rounding, which events lose six digits of.
 const TOGETHER: f64 = 1e-5;
@@ -118,16 +118,17 @@ pub fn shift(
 ) -> Result<Shift, AnalysisError> {
     let mut known: Option<(&str, Shift)> = None;
     let [qdot, vdot] = plain.motion(at)?;
-    let way = WAY * (plain.stride.t_end - plain.stride.from.t);
-    let along = |x: &[f64], rates: &[f64]| x.iter().zip(rates).map(|(x, rate)| x - way * rate).collect::<Vec<_>>();
-    let earlier = Instant { t: at.t - way, q: along(&at.q, &qdot), v: along(&at.v, &vdot) };
+    let span = BEFORE * (plain.stride.t_end - plain.stride.from.t);
+    let along = |x: &[f64], rates: &[f64]| x.iter().zip(rates).map(|(x, rate)| x - span * rate).collect::<Vec<_>>();
+    let earlier = Instant { t: at.t - span, q: along(&at.q, &qdot), v: along(&at.v, &vdot) };
     for (name, reason) in &jump.causes {
         let t = constant(at.t);
         let x = before.value((&jump.whole, whole[0]), (name, reason), t, (&state.q, &state.v))?;
         let (rate, size) = rate_of(plain, (&jump.whole, whole[1]), (name, reason), at)?;
         let (rate_before, _) = rate_of(plain, (&jump.whole, whole[1]), (name, reason), &earlier)?;
-        let curvature = ((rate - rate_before) / way).abs();
-        if !(rate.abs() > 0.0) || rate * rate <= 2.0 * curvature * TOUCHES * size {
+        let curvature = ((rate - rate_before) / span).abs();
+        let beyond = 0.5 * rate * rate / curvature; // before it turns back
+        if rate == 0.0 || beyond <= TOUCHES * size {
             return Err(refused(format!(
                 "event \"{name}\" at t = {:.6} s only touches zero (its rate is {:.1e}), so that nothing of the run after it \
                  has a derivative; end the run before it, or change the start a little",
@@ -225,7 +226,7 @@ pub fn thrown(
         return Ok(state.v.clone());
     }
     let n = state.v.len();
-    let (mass, rows, a) = jump.whole.mass_and_rows(e, t, &state.q, &state.v)?;
+    let [mass, rows, a] = jump.whole.mass_and_rows(e, t, &state.q, &state.v)?;
     let mut l = mass;
     cholesky_straight(&mut l, n);
     if l.iter().step_by(n + 1).any(|x| !x.re.is_finite()) {
@@ -243,7 +244,7 @@ pub fn thrown(
     let dot = |x: &[Carried], y: &[Carried]| partita_math::dense::dot(x, y);
     let rate = |i: usize, v: &[Carried]| dot(&rows[i * n..(i + 1) * n], v) + a[i];
     // v ← v + M⁻¹ Cᵀ Λ such that these rows have these rates
-    let reach = |laws: &[(usize, Carried)], v: &[Carried]| -> Vec<Carried> {
+    let brought = |laws: &[(usize, Carried)], v: &[Carried]| -> Vec<Carried> {
         let all: Vec<Vec<Carried>> = laws.iter().map(|x| row(x.0)).collect();
         let m = all.len();
         let mut gram: Vec<f64> = (0..m * m).map(|i| dot(&all[i / m], &all[i % m]).re).collect();
@@ -272,12 +273,12 @@ pub fn thrown(
         .filter(|x| x.1 != Law::Bounces)
         .map(|&(i, law)| (i, if law == Law::Set { value(i) } else { constant(0.0) }))
         .collect();
-    let met = reach(&held, &state.v);
+    let met = brought(&held, &state.v);
     let bounced = jump.laws.iter().filter(|x| x.1 == Law::Bounces).map(|&(i, _)| {
         let closing = rate(i, &met);
         // the part with which it bounced
         (i, closing.scale(value(i).re / closing.re))
     });
     let all: Vec<(usize, Carried)> = held.iter().copied().chain(bounced).collect();
-    Ok(if all.len() > held.len() { reach(&all, &met) } else { met })
+    Ok(if all.len() > held.len() { brought(&all, &met) } else { met })
 }

@@ -4,27 +4,27 @@
 //! coordinates by which it was taken, over numbers with derivatives. Lengths of steps are constants.
 
 mod backward;
-mod carry;
+mod retaken;
 mod jump;
 mod start;
-mod trail;
+mod legs;
 
 use crate::error::AnalysisError;
 use crate::outputs::Watch;
-use carry::{along, constant, Rates, State};
+use retaken::{along, constant, Rates, State};
 use jump::{Shift, Side};
+use partita_math::scalar::Scalar;
 use partita_model::carried::{Carried, CarriedState, Observable, Observers, CARRIED};
 use partita_model::spec::Measure;
 use partita_model::{Evaluator, Model};
 use partita_system::choice::OwnedChoice;
-use partita_math::scalar::Scalar;
 use partita_system::prelude::*;
 use partita_system::rates::ChosenRates;
 use serde::Deserialize;
 
 pub use backward::{backward, Weights};
 pub use jump::{Jump, Reason};
-pub use trail::{Instant, Leg, Stride, Time};
+pub use legs::{Instant, Leg, Stride, Time};
 
 /// A direction in which numbers change together.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -43,7 +43,7 @@ pub struct Direction {
 /// What may be held at the start.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Gauge {
+pub enum HeldCoordinate {
     /// A measure.
     Measure(Measure),
     /// A velocity of the mechanism, by its number, and its coordinate.
@@ -53,9 +53,9 @@ pub enum Gauge {
 /// What is asked.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Asked {
+pub struct SensitivityRequest {
     /// What is held at the start, and the names of that.
-    pub held: Vec<(String, Gauge)>,
+    pub held: Vec<(String, HeldCoordinate)>,
     /// Directions.
     pub directions: Vec<Direction>,
     /// What is observed.
@@ -84,7 +84,7 @@ pub struct Derivatives {
 ///
 /// # Errors
 /// Where something has no derivative.
-pub fn forward(legs: &[Leg], count: usize, asked: &Asked, watch: Watch) -> Result<Derivatives, AnalysisError> {
+pub fn forward(legs: &[Leg], count: usize, asked: &SensitivityRequest, watch: Watch) -> Result<Derivatives, AnalysisError> {
     let (m, d) = (asked.observables.len(), asked.directions.len());
     let unknown = |n: usize| vec![f64::NAN; n];
     let mut out = Derivatives {
@@ -249,10 +249,9 @@ fn cross(
     at.put_at(&first.from);
     let mut lost = vec![0.0; integrals.len()];
     if !integrals.is_empty() {
-        for (leg, plain, choice, at, sign) in [
-            (leg, &plain, &last.choice, &leg.end, 1.0),
-            (next, &plain_after, &first.choice, &first.from, -1.0),
-        ] {
+        for (leg, plain, choice, at, sign) in
+            [(leg, &plain, &last.choice, &leg.end, 1.0), (next, &plain_after, &first.choice, &first.from, -1.0)]
+        {
             let mut read = Reader::new(leg, integrals, (plain, plain))?;
             read.read(at, &State::constant(at), choice)?;
             lost.iter_mut().zip(&read.observed).for_each(|(to, x)| *to += sign * x.re);
@@ -262,12 +261,7 @@ fn cross(
 }
 
 /// Along at most so many directions as are carried together.
-fn carried(
-    legs: &[Leg],
-    asked: &Asked,
-    directions: &[Direction],
-    take: Take,
-) -> Result<Carrying, AnalysisError> {
+fn carried(legs: &[Leg], asked: &SensitivityRequest, directions: &[Direction], take: Take) -> Result<Carrying, AnalysisError> {
     let mut found = Carrying { integrals: vec![constant(0.0); asked.integrals.len()], shifts: Vec::new() };
     let all = legs.iter().map(|leg| Equations::new(leg, directions)).collect::<Result<Vec<_>, _>>()?;
     let mut before: Option<(usize, State)> = None;
@@ -295,7 +289,7 @@ fn carried(
             integrals.iter_mut().zip(&integrands.observed).for_each(|(to, x)| *to += x.scale(weight));
             Ok(())
         };
-        let gather: Option<carry::Gather> = if asked.integrals.is_empty() { None } else { Some(&mut gather) };
+        let gather: Option<retaken::Gather> = if asked.integrals.is_empty() { None } else { Some(&mut gather) };
         let end = along(leg, &rates, from, gather, &mut |number, at, state, choice| {
             read.read(at, state, choice)?;
             take(number, &read.observed, &read.rates);

@@ -4,9 +4,9 @@
 //! q closed for the numbers, z such that each held coordinate has its value;  v = Dᵀ u + η, u such that its rate has
 //! ```
 
-use super::carry::{constant, put_values, Rates, State};
-use super::trail::Leg;
-use super::{Direction, Gauge};
+use super::retaken::{constant, put_values, Rates, State};
+use super::legs::Leg;
+use super::{Direction, HeldCoordinate};
 use crate::error::AnalysisError;
 use partita_math::dense::{lu, lu_pivot_ratio, lu_solve};
 use partita_math::tolerance;
@@ -18,7 +18,7 @@ use partita_system::rates::ChosenRates;
 use partita_system::SystemError;
 
 /// Positions and rates of what is held.
-struct Gauges<'e> {
+struct HeldCoordinates<'e> {
     e: &'e Evaluator<Carried>,
     observers: partita_model::carried::Observers,
     /// Number of a measure, or of a velocity with its coordinate, if it has one.
@@ -26,7 +26,7 @@ struct Gauges<'e> {
     measures: usize,
 }
 
-impl Gauges<'_> {
+impl HeldCoordinates<'_> {
     /// All at a state.
     fn read(&self, t: f64, q: &[Carried], v: &[Carried]) -> Result<(Vec<Carried>, Vec<Carried>), SystemError> {
         let (mut s, mut out) = (self.e.scratch(), vec![constant(0.0); 2 * self.measures]);
@@ -50,7 +50,7 @@ impl Gauges<'_> {
 pub fn started(
     leg: &Leg,
     (e, rates): (&Evaluator<Carried>, &Rates),
-    held: &[(String, Gauge)],
+    held: &[(String, HeldCoordinate)],
     directions: &[Direction],
 ) -> Result<State, AnalysisError> {
     let Some(stride) = leg.strides.first() else { return Ok(State::constant(&leg.end)) };
@@ -68,13 +68,13 @@ pub fn started(
     }
     let mut x = rates.of(&stride.choice);
     let (mut measures, mut all) = (Vec::new(), Vec::with_capacity(k));
-    for (_, gauge) in held {
-        all.push(match gauge {
-            Gauge::Measure(measure) => {
+    for (_, coordinate_held) in held {
+        all.push(match coordinate_held {
+            HeldCoordinate::Measure(measure) => {
                 measures.push(measure.clone());
                 Ok(measures.len() - 1)
             }
-            Gauge::Velocity(i) => {
+            HeldCoordinate::Velocity(i) => {
                 let own = leg.model.structure().coordinates_of(*i);
                 Err((*i, (own.len() == 1).then_some(own.start)))
             }
@@ -83,7 +83,7 @@ pub fn started(
     let positions = measures.iter().map(|m| Observable::Formula(Formula::Position(m.clone())));
     let speeds = measures.iter().map(|m| Observable::Formula(Formula::Velocity(m.clone())));
     let read: Vec<Observable> = positions.chain(speeds).collect();
-    let gauges = Gauges { e, observers: leg.model.observers(e, &read, "start")?, all, measures: measures.len() };
+    let coordinates = HeldCoordinates { e, observers: leg.model.observers(e, &read, "start")?, all, measures: measures.len() };
     let still = State::constant(from);
     // closed for the numbers, independent coordinates as they are
     let u: Vec<Carried> = choice.independent.iter().map(|&i| still.v[i]).collect();
@@ -99,7 +99,7 @@ pub fn started(
         let base = x.velocities(constant(from.t), &still.q, &u)?.to_vec();
         let v: Vec<Carried> = v.iter().zip(&base).map(|(v, base)| difference(v, base)).collect();
         let without: Vec<Carried> = still.v.clone();
-        let ((_, moved), (_, rest)) = (gauges.read(from.t, &still.q, &v)?, gauges.read(from.t, &still.q, &without)?);
+        let ((_, moved), (_, rest)) = (coordinates.read(from.t, &still.q, &v)?, coordinates.read(from.t, &still.q, &without)?);
         for j in first..k.min(first + CARRIED) {
             (0..k).for_each(|i| matrix[i * k + j] = moved[i].eps[j - first] - rest[i].eps[j - first]);
         }
@@ -117,14 +117,13 @@ pub fn started(
         let mut along = vec![[0.0; CARRIED]; k];
         for (l, direction) in directions.iter().enumerate() {
             let given = wanted(direction);
-            let mut b: Vec<f64> =
-                (0..k).map(|i| given.get(i).copied().unwrap_or(0.0) - found[i].eps[l]).collect();
+            let mut b: Vec<f64> = (0..k).map(|i| given.get(i).copied().unwrap_or(0.0) - found[i].eps[l]).collect();
             lu_solve(&matrix, k, &pivots, &mut b);
             along.iter_mut().zip(&b).for_each(|(to, x)| to[l] = *x);
         }
         along
     };
-    let (found, _) = gauges.read(from.t, &q, &still.v)?;
+    let (found, _) = coordinates.read(from.t, &q, &still.v)?;
     let dz = solved(&|x: &Direction| &x.start, &found);
     let mut moving = vec![constant(0.0); still.v.len()];
     choice.independent.iter().zip(&dz).for_each(|(&i, dz)| moving[i].eps = *dz);
@@ -133,7 +132,7 @@ pub fn started(
     q.iter_mut().zip(&moved).for_each(|(q, moved)| *q += *moved);
     close(&mut *x, rates, &mut q, from)?;
     let v = x.velocities(constant(from.t), &q, &u)?.to_vec();
-    let (_, found) = gauges.read(from.t, &q, &v)?;
+    let (_, found) = coordinates.read(from.t, &q, &v)?;
     let du = solved(&|x: &Direction| &x.start_rates, &found);
     let u: Vec<Carried> = u.iter().zip(&du).map(|(u, du)| Carried::new(u.re, *du)).collect();
     let mut v = x.velocities(constant(from.t), &q, &u)?.to_vec();
@@ -151,7 +150,7 @@ fn close(
     x: &mut dyn ChosenRates<Carried>,
     rates: &Rates,
     q: &mut [Carried],
-    at: &super::trail::Instant,
+    at: &super::legs::Instant,
 ) -> Result<(), SystemError> {
     x.correct_to(constant(at.t), q, &rates.kept)?;
     put_values(q, &at.q);

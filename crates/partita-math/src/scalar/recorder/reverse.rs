@@ -95,11 +95,8 @@ impl Recording {
                 // where the root is 0 only what does not depend on it is differentiated
                 Operation::Sqrt(x) => add(x, own.over_or_zero(values[i].scale(2.0))),
                 Operation::Power(x, exponent) => {
-                    let slope = if exponent >= 2.0 {
-                        at(x).power(exponent - 1.0)
-                    } else {
-                        at(x).power(exponent).over_or_zero(at(x))
-                    };
+                    let linear = exponent == 1.0;
+                    let slope = if linear { S::one() } else { at(x).power(exponent).over_or_zero(at(x)) };
                     add(x, own * slope.scale(exponent));
                 }
                 Operation::Sin(x) => add(x, own * at(x).sin_cos().1),

@@ -10,14 +10,14 @@
 //! Between two steps the derivatives of all coordinates and of all velocities are known, so that nothing is done where
 //! coordinates are exchanged.
 
-use super::trail::{Instant, Leg, Stride};
+use super::legs::{Instant, Leg, Stride};
 use crate::error::AnalysisError;
-use partita_model::carried::{Carried, CARRIED};
-use partita_model::Model;
-use partita_model::Evaluator;
 use partita_integrate::scheme::Scheme;
 use partita_math::dense::{lu, lu_solve};
 use partita_math::scalar::{Dual, Scalar};
+use partita_model::carried::{Carried, CARRIED};
+use partita_model::Evaluator;
+use partita_model::Model;
 use partita_system::choice::{Choice, OwnedChoice};
 use partita_system::rates::ChosenRates;
 use partita_system::SystemError;
@@ -85,6 +85,9 @@ pub fn advanced_plain(y: &[f64], h: f64, weights: &[f64], slopes: &[Vec<f64>]) -
     }
     out
 }
+
+/// What takes outputs: its number, the instant, the state there, and the coordinates in use.
+pub type Taken<'t> = &'t mut dyn FnMut(usize, &Instant, &State, &Arc<OwnedChoice>) -> Result<(), AnalysisError>;
 
 /// The rates of the steps of a leg for one choice after the other.
 pub struct Rates<'e> {
@@ -295,8 +298,7 @@ impl<'e> Rates<'e> {
         let dim = y.len();
         let plain: Vec<f64> = y.iter().map(|y| y.re).collect();
         let Solved { slopes, mut matrix, .. } = self.solved(x, scheme, (t, h), &plain, guess)?;
-        let mut slopes: Vec<Vec<Carried>> =
-            slopes.iter().map(|x| x.iter().map(|x| constant(*x)).collect()).collect();
+        let mut slopes: Vec<Vec<Carried>> = slopes.iter().map(|x| x.iter().map(|x| constant(*x)).collect()).collect();
         let size = scheme.c.len() * dim;
         let mut pivots = vec![0; size];
         lu(&mut matrix, size, &mut pivots)
@@ -348,9 +350,8 @@ impl<'e> Rates<'e> {
 /// Integrals from 0 to x of the Lagrange polynomials of the nodes of a collocation.
 fn weights_until(scheme: &Scheme, x: f64) -> Vec<f64> {
     let c = &scheme.c;
-    let lagrange = |j: usize, at: f64| -> f64 {
-        (0..c.len()).filter(|&i| i != j).map(|i| (at - c[i]) / (c[j] - c[i])).product()
-    };
+    let lagrange =
+        |j: usize, at: f64| -> f64 { (0..c.len()).filter(|&i| i != j).map(|i| (at - c[i]) / (c[j] - c[i])).product() };
     let integral = |j: usize| x * c.iter().zip(&scheme.b).map(|(c, b)| b * lagrange(j, x * c)).sum::<f64>();
     (0..c.len()).map(integral).collect()
 }
@@ -361,7 +362,7 @@ pub fn along(
     rates: &Rates,
     mut state: State,
     mut gather: Option<Gather>,
-    take: &mut dyn FnMut(usize, &Instant, &State, &Arc<OwnedChoice>) -> Result<(), AnalysisError>,
+    take: Taken,
 ) -> Result<State, AnalysisError> {
     if let Some(stride) = leg.strides.first() {
         for (number, at) in &leg.first {

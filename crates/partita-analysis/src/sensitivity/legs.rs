@@ -95,7 +95,13 @@ impl Leg {
             (Some(steps), Some(reader)) => (steps, reader),
             // something happens at once
             (Some(_), None) | (None, _) if log.outputs.iter().all(|x| x.t <= start.t) => {
-                return Ok(Self { model: model.clone(), strides: Vec::new(), end: start, first: Vec::new(), jump: None });
+                return Ok(Self {
+                    model: model.clone(),
+                    strides: Vec::new(),
+                    end: start,
+                    first: Vec::new(),
+                    jump: None,
+                });
             }
             _ => {
                 return Err(lacking(
