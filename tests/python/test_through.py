@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -85,3 +89,14 @@ def test_gradients_in_jax() -> None:
 
     found = jax.jit(jax.grad(angle))(tuple(NUMBERS.values()))  # type: ignore[attr-defined]
     assert_allclose(found, [BY[k][0] for k in NUMBERS], rtol=1e-8)
+
+
+def test_four_designs_come_out_as_known() -> None:
+    """The example: a coupler curve, a valve train, the toe of a wheel, a swing-up."""
+    path = Path(__file__).parents[2] / "examples" / "synthesis.py"
+    found = importlib.util.spec_from_file_location("synthesis_example", path)
+    assert found is not None and found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    sys.modules[found.name] = module
+    found.loader.exec_module(module)
+    assert module.main() == 0
