@@ -16,6 +16,8 @@ from ensembles import AIM as ENSEMBLE_AIM
 from ensembles import FASTER, ensemble_cost
 from ensembles import MEMBERS as ENSEMBLE_MEMBERS
 from evaluations import AGREES, PROBLEMS, costs
+from gradients import AIM as GRADIENT_AIM
+from gradients import FEW, gradient_costs
 from instant import answers
 from limit import commands
 from loads import AIM as LOADS_AIM
@@ -279,6 +281,19 @@ def ticks(_: Path) -> dict[str, Any]:
     return {**asdict(cost), "beside": cost.beside, "parts": TICK_PARTS}
 
 
+def gradients(_: Path) -> dict[str, Any]:
+    """Derivatives of runs."""
+    print(f"\nDerivatives of runs against the run itself: {FEW} numbers forwards, many backwards; rtol 1e-10")
+    found = gradient_costs()
+    for cost in found:
+        print(
+            f"  {cost.name:<13}run {text(cost.run)} ({cost.steps} steps); forwards {text(cost.forward)}: "
+            f"{against(cost.forward / cost.run, GRADIENT_AIM)}; {cost.numbers} numbers backwards {text(cost.adjoint)}: "
+            f"{against(cost.adjoint / cost.run, GRADIENT_AIM)}; both agree to {cost.agrees:.1e}"
+        )
+    return {"linkages": [asdict(cost) for cost in found]}
+
+
 def sweeps(_: Path) -> dict[str, Any]:
     """Short members over a cluster."""
     print(f"\nSweeps: {MEMBERS} members of 0.5 ms over a Dask cluster of two processes, CPU time of all processes")
@@ -372,6 +387,7 @@ SECTIONS = {
     "instant": instant,
     "loads": loads,
     "playground": playground,
+    "gradients": gradients,
     "ticks": ticks,
     "sweeps": sweeps,
     "stiff": stiff,
