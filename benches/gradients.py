@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from timing import fastest
@@ -57,21 +58,24 @@ def gradient_costs() -> list[GradientCost]:
                 eight += len(number.directions)
         observables = [Observing(done).joint(joint, "position")]
         end = float(done.t[-1])
-        at, weights = [(end, False)], (np.ones((1, 1)), np.zeros(0))
-        back = backward(done, many, held, observables, at, integrals=(), weights=weights)
+        at = [(end, False)]
+        back = backward(done, many, held, observables, at, integrals=(), weights=(np.ones((1, 1)), np.zeros(0)))
         ahead = derivatives(done, many, held, observables, [end]).along[0, 0]
+
+        def forward(d: pt.Result = done, n: Any = few, h: Any = held, o: Any = observables, e: float = end) -> Any:
+            return derivatives(d, n, h, o, [e])
+
+        def adjoint(d: pt.Result = done, n: Any = many, h: Any = held, o: Any = observables, a: Any = at) -> Any:
+            return backward(d, n, h, o, a, integrals=(), weights=(np.ones((1, 1)), np.zeros(0)))
+
         found.append(
             GradientCost(
                 name=name,
                 steps=done.counters["steps"],
                 numbers=count,
                 run=fastest(run),
-                forward=fastest(lambda d=done, n=few, h=held, o=observables, e=end: derivatives(d, n, h, o, [e])),
-                adjoint=fastest(
-                    lambda d=done, n=many, h=held, o=observables, a=at, w=weights: backward(
-                        d, n, h, o, a, integrals=(), weights=w
-                    )
-                ),
+                forward=fastest(forward),
+                adjoint=fastest(adjoint),
                 agrees=float(np.abs(back - ahead).max() / np.abs(ahead).max()),
             )
         )
