@@ -15,6 +15,7 @@ from . import models, seen, solve
 from . import stepper as stepping
 from .assemblies import assemblies
 from .check import check
+from .cycle import cycle
 from .ensemble import ensemble
 from .equilibrium import equilibria, equilibrium
 from .exporting import export_c
@@ -98,6 +99,7 @@ class Mechanism(Modelled):
     equilibrium = equilibrium
     equilibria = equilibria
     preload = preload
+    cycle = cycle
     linearize = linearize
     singularities = singularities
     workspace = workspace
