@@ -18,6 +18,7 @@ from . import errors, limits, partition, shapes, units
 from ._core import version as _version
 from .builder import Along, Coordinate, Cosine, Distance, table
 from .comparison import compare
+from .derivatives import at_end, end_time, integral, peak, start, start_rate
 from .events import Event, Lock, Release, SetInput, SetRates, Stop
 from .mechanism import Mechanism, load
 from .solver import Solver
@@ -29,6 +30,7 @@ from .tangent import TangentVelocities
 if TYPE_CHECKING:
     from . import catalogue
     from .results import Result, load_result
+    from .results.sensitivities import lengths
     from .sketch import draw
 
 __version__ = _version()
@@ -51,18 +53,25 @@ __all__ = [
     "System",
     "TangentVelocities",
     "__version__",
+    "at_end",
     "catalogue",
     "compare",
     "draw",
+    "end_time",
     "errors",
+    "integral",
+    "lengths",
     "limits",
     "load",
     "load_result",
     "load_sweep",
     "partition",
+    "peak",
     "samples",
     "shapes",
     "simulate",
+    "start",
+    "start_rate",
     "sweep",
     "table",
     "units",
@@ -70,7 +79,7 @@ __all__ = [
 
 # Imported on first use: they bring plotting and data libraries along.
 _LATER = ("catalogue", "plots", "results", "viewer")
-_NAMED_LATER = {"Result": "results", "draw": "sketch", "load_result": "results"}
+_NAMED_LATER = {"Result": "results", "lengths": "results.sensitivities", "draw": "sketch", "load_result": "results"}
 
 
 def __getattr__(name: str) -> Any:

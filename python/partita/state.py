@@ -246,6 +246,7 @@ class State(StateView):
         q: coordinates (nq,), named by `names`.
         v: velocities (nv,), named by `velocity_names`.
         assembly: report of the assembly (residual, iterations, ...), or None.
+        held: names of the joints whose positions or rates `assemble` was given.
 
     Raises:
         ArgumentError: the arrays are not flat, hold NaN or infinity, or do not fit the names.
@@ -256,7 +257,7 @@ class State(StateView):
     array([1., 2.])
     """
 
-    __slots__ = ("assembly",)
+    __slots__ = ("assembly", "held")
 
     def __init__(
         self,
@@ -277,6 +278,7 @@ class State(StateView):
             )
         super().__init__(finite_time(t), _flat("q", q, layout.names), _flat("v", v, layout.velocity_names), layout)
         self.assembly: dict[str, Any] | MaybeNone = assembly
+        self.held: tuple[str, ...] = ()
 
     @classmethod
     def computed(cls, t: float, q: Array, v: Array, layout: Layout) -> State:
@@ -284,6 +286,7 @@ class State(StateView):
         state = cls.__new__(cls)
         state.t, state.q, state.v, state._layout = t, q, v, layout
         state._beyond = state._seen = state.assembly = None
+        state.held = ()
         return state
 
     @property
@@ -327,7 +330,9 @@ class State(StateView):
 
     def copy(self) -> State:
         """An independent copy."""
-        return State(self.t, self.q.copy(), self.v.copy(), layout=self._layout, assembly=self.assembly)
+        copied = State(self.t, self.q.copy(), self.v.copy(), layout=self._layout, assembly=self.assembly)
+        copied.held = self.held
+        return copied
 
     def _repr_html_(self) -> str:
         """A table of coordinates and velocities, in a notebook."""

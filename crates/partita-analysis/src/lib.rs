@@ -24,6 +24,7 @@ mod reason;
 pub mod remedies;
 pub mod report;
 pub mod run;
+pub mod sensitivity;
 pub mod sharing;
 mod stress;
 

@@ -40,11 +40,11 @@ pub(crate) struct Nodes {
     /// Barycentric weights.
     w: Vec<f64>,
     /// Weights of the quadrature.
-    b: Vec<f64>,
+    pub(crate) b: Vec<f64>,
     /// The Lagrange polynomials in Legendre polynomials of the step, a row for each of these.
     legendre: Vec<Vec<f64>>,
     /// The row of each node, and that of each part at which polynomials are compared.
-    a: Vec<Vec<f64>>,
+    pub(crate) a: Vec<Vec<f64>>,
     compared: [Vec<f64>; COMPARED.len()],
 }
 

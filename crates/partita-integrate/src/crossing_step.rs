@@ -5,6 +5,7 @@ use crate::counters::Counters;
 use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
 use crate::options::Options;
+use crate::scheme::{Scheme, Taken};
 use crate::step_size::ErrorNorm;
 use crate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, StepStorage, Stepper};
 use partita_math::tolerance;
@@ -364,6 +365,16 @@ impl StepStorage for CrossingStep {
         self.shift.copy_from_slice(shift);
         let nodes = RULES.iter().find(|nodes| nodes.count() * dim == rates.len());
         self.stages = nodes.map(|nodes| Stages { nodes, h: h[0], rates: rates.to_vec() });
+    }
+    fn taken(&self) -> Option<Taken> {
+        let stages = self.stages.as_ref()?;
+        let mut states = Vec::with_capacity(stages.nodes.count() * self.y_old.len());
+        for c in &stages.nodes.c {
+            let first = states.len();
+            states.extend_from_slice(&self.y_old);
+            stages.advance(*c, &mut states[first..]);
+        }
+        Some(Taken { scheme: Scheme::of_nodes(stages.nodes), states })
     }
 }
 

@@ -22,6 +22,7 @@ pub mod ode;
 pub mod options;
 mod placement;
 mod rounding;
+pub mod scheme;
 pub mod simulate;
 pub mod singular_start;
 pub mod step_log;

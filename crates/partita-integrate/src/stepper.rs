@@ -15,6 +15,7 @@
 use crate::counters::Counters;
 use crate::failure::StepFailure;
 use crate::ode::{Ode, RhsError};
+use crate::scheme::Taken;
 use std::fmt::{Debug, Display};
 
 /// What [`Stepper::conclude`] found at the end of the step.
@@ -111,6 +112,10 @@ pub trait StepStorage {
     /// The step that was saved becomes the concluded one again, to be interpolated; `ends` are its times, `extra` the slopes
     /// of `save_extra`, or nothing.
     fn load(&mut self, _ends: (f64, f64), _step: &[f64], _extra: &[f64]) {}
+    /// How the concluded step was taken; none where steps cannot be loaded again.
+    fn taken(&self) -> Option<Taken> {
+        None
+    }
 }
 
 /// Corrects the end of a step and leaves its slope: `end(t, y, dy, known)`, where `known` states that dy contains the

@@ -7,6 +7,7 @@ use crate::failure::StepFailure;
 use crate::implicit_rk::Radau;
 use crate::ode::Ode;
 use crate::options::{Options, OptionsError};
+use crate::scheme::Taken;
 use crate::stepper::{Conclusion, CurrentStep, StepControl, StepEnd, StepPlan, StepStorage, Stepper};
 use crate::stiffness::Stiffness;
 use partita_math::formatted;
@@ -273,6 +274,9 @@ impl StepStorage for Switching {
     fn load(&mut self, ends: (f64, f64), step: &[f64], extra: &[f64]) {
         self.at_work = if step[0] == 0.0 { AtWork::Explicit } else { AtWork::Implicit };
         self.storage().load(ends, &step[1..], extra);
+    }
+    fn taken(&self) -> Option<Taken> {
+        self.stored().taken()
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub mod articulated;
 mod breakpoints;
+pub mod carried;
 pub mod chosen_levels;
 pub mod closing;
 pub mod clusters;

@@ -187,7 +187,7 @@ impl<S: Scalar> Numbers<S> {
             let (point, child_point) = given.joints[j];
             let far = child_point.unwrap_or(point);
             let joint = &spec.joints[j];
-            if joint.child_point.is_some() || joint.child_axis.is_some() || joint.child_frame.is_some() {
+            if child_point.is_some() || joint.child_axis.is_some() || joint.child_frame.is_some() {
                 let (near, far) = if e.reversed { (far, point) } else { (point, far) };
                 let to = motions[e.from].point(near);
                 motions[e.to] = Moved { rot: constant(&placed.turns[e.to]), from: far, to };

@@ -32,6 +32,7 @@ use crate::spec::{Coupling, JointKind, Spec};
 use crate::validate;
 use crate::zero_position::Placed;
 use partita_math::scalar::Scalar;
+use partita_math::spatial::Vec3;
 use partita_math::tolerance;
 use partita_system::prelude::*;
 use std::collections::HashSet;
@@ -123,7 +124,15 @@ fn changed<S: Scalar>(spec: &Spec, changes: &[(&str, &[S])]) -> Result<(Describe
     for &(name, values) in changes {
         let fail = |m: String| DescriptionError::new("parameter", name, m);
         let mut found = known.iter().filter(|k| k.0 == name);
-        let Some(&(_, slot)) = found.next() else {
+        // where a joint is on its child, as parameters of lengths move it
+        let of_child = || {
+            let joint = name.strip_suffix(".child_point")?;
+            let i = spec.joints.iter().position(|j| j.name == joint)?;
+            described.joints[i].1.get_or_insert_with(|| Vec3::from_f64(spec.joints[i].point));
+            Some((String::new(), Slot::ChildPoint(i)))
+        };
+        let own = found.next().cloned();
+        let Some((_, slot)) = own.or_else(of_child) else {
             let field = name.rsplit('.').next().unwrap_or(name);
             let mut near: Vec<&str> = known.iter().map(|k| k.0.as_str()).filter(|k| k.ends_with(field)).collect();
             if near.is_empty() {

@@ -31,6 +31,11 @@ impl Events {
         Ok(Self { events, formulas, functions: Arc::new(Callables::new(functions)), most })
     }
 
+    /// What each follows, by name.
+    pub fn formulas(&self) -> Vec<(String, Formula)> {
+        self.formulas.clone()
+    }
+
     /// What finds them along a motion of a mechanism, from its start on.
     pub fn of_mechanism(&self, model: Arc<Model>) -> Result<Observe, DescriptionError> {
         let functions = Formulas::of_mechanism(model, &self.formulas, self.functions.clone())?;

@@ -10,10 +10,12 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
+use partita_analysis::sensitivity::{self, Asked, Instant as At, Leg, Time, Weights};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::{Observe, Outcome, Status};
 use partita_integrate::step_log::StepLog;
+use partita_model::carried::Observable;
 use partita_model::Model;
 use partita_system::event::Occurrence;
 use partita_system::options::TangentMap;
@@ -80,6 +82,8 @@ pub trait Reported: Send + Sync {
     fn size(&self) -> Size;
     /// The part that contains a time.
     fn at(&self, t: f64) -> &dyn Reported;
+    /// Its steps, for derivatives, with outputs at these times.
+    fn legs(&self, times: &[Time]) -> Result<Vec<Leg>, AnalysisError>;
     /// Whether it has several.
     fn is_divided(&self) -> bool {
         false
@@ -108,6 +112,23 @@ impl<S> RunLog<S> {
     /// Of a system whose functions, if it has some, need not be called one after the other.
     pub fn new(system: Arc<S>, log: SolutionLog, shared: bool) -> Self {
         Self { system, log, shared, reader: Mutex::new(None) }
+    }
+}
+
+impl<S: Balance + Send + Sync + 'static> RunLog<S> {
+    /// Its steps from `start` on, for derivatives.
+    pub fn leg(&self, start: At, times: &[Time]) -> Result<Leg, AnalysisError> {
+        let model = (self.system.clone() as Arc<dyn std::any::Any + Send + Sync>).downcast::<Model>();
+        let model = model.map_err(|_| {
+            let message = "derivatives of runs are those of mechanisms, not of systems given by matrices";
+            SystemError::argument("run", message.into())
+        })?;
+        let mut found = None;
+        self.read(&mut |log, reader| {
+            found = Some(Leg::new(&model, log, Some(reader), start.clone(), times)?);
+            Ok(())
+        })?;
+        found.map_or_else(|| Leg::new(&model, &self.log, None, start, times), Ok)
     }
 }
 
@@ -166,6 +187,10 @@ impl<S: Balance + Send + Sync + 'static> Reported for RunLog<S> {
     }
     fn at(&self, _: f64) -> &dyn Reported {
         self
+    }
+    fn legs(&self, times: &[Time]) -> Result<Vec<Leg>, AnalysisError> {
+        let start = self.log.outputs.first().map(At::of).unwrap_or_default();
+        Ok(vec![self.leg(start, times)?])
     }
 }
 
@@ -287,6 +312,68 @@ impl Account {
             Ok((array(py, &[n], t), array(py, &[n, size.nq], q), array(py, &[n, size.nv], v)))
         })
     }
+    /// Values, rates and derivatives of what a text asks, row by row, at these times; `before` of some what happens there.
+    /// Also integrals, and when something happens, with their derivatives.
+    fn derivatives<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        times: PyReadonlyArray1<'py, f64>,
+        before: Vec<bool>,
+    ) -> PyResult<([Array<'py>; 3], [Vec<(f64, Vec<f64>)>; 2])> {
+        guarded(py, || {
+            let asked: Asked = read_asked(py, asked)?;
+            let times = times_of(&times, before);
+            let (n, m, d) = (times.len(), asked.observables.len(), asked.directions.len());
+            let found = watched(py, |watch| {
+                let legs = self.run.legs(&times)?;
+                sensitivity::forward(&legs, n, &asked, watch)
+            })?;
+            let arrays = [
+                array(py, &[n, m], found.values),
+                array(py, &[n, m], found.rates),
+                array(py, &[n, m, d], found.along),
+            ];
+            Ok((arrays, [found.integrals, found.shifts]))
+        })
+    }
+    /// The derivatives of a weighed sum of what a text asks, backwards.
+    fn gradient<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        weights: &str,
+        times: PyReadonlyArray1<'py, f64>,
+        before: Vec<bool>,
+    ) -> PyResult<Array<'py>> {
+        guarded(py, || {
+            let (asked, weights): (Asked, Weights) = (read_asked(py, asked)?, read_asked(py, weights)?);
+            let times = times_of(&times, before);
+            let found = watched(py, |watch| {
+                let legs = self.run.legs(&times)?;
+                sensitivity::backward(&legs, &asked, &weights, watch)
+            })?;
+            Ok(array(py, &[found.len()], found))
+        })
+    }
+    /// Values and rates at these times of what a text names.
+    fn observed<'py>(
+        &self,
+        py: Python<'py>,
+        observables: &str,
+        times: PyReadonlyArray1<'py, f64>,
+        before: Vec<bool>,
+    ) -> PyResult<[Array<'py>; 2]> {
+        guarded(py, || {
+            let observables: Vec<Observable> = read_asked(py, observables)?;
+            let (times, m) = (times_of(&times, before), observables.len());
+            let found = watched(py, |_| {
+                let legs = self.run.legs(&times)?;
+                sensitivity::observed(&legs, times.len(), &observables)
+            })?;
+            Ok(found.map(|x| array(py, &[times.len(), m], x)))
+        })
+    }
     /// When the first step kept begins and the last one ends; None where none is.
     fn span(&self) -> Option<(f64, f64)> {
         let spans: Vec<(f64, f64)> = self.run.steps().into_iter().filter_map(StepLog::span).collect();
@@ -324,6 +411,16 @@ impl Account {
         }
         Ok(counters)
     }
+}
+
+/// What is asked of derivatives, as the Python package writes it.
+fn read_asked<T: serde::de::DeserializeOwned>(py: Python<'_>, text: &str) -> PyResult<T> {
+    serde_json::from_str(text)
+        .map_err(|e| raise(py, "ArgumentError", &format!("derivatives: {e}"), &[("argument", "by".into())]))
+}
+
+fn times_of(times: &PyReadonlyArray1<f64>, before: Vec<bool>) -> Vec<Time> {
+    entries_of(times).iter().zip(before).map(|(&t, before)| Time { t, before }).collect()
 }
 
 /// Asks after each step whether to go on.

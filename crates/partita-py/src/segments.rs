@@ -8,13 +8,16 @@ use crate::outputs::{assessed, described, watched};
 use crate::run::{carried_out, reported, whole, Account, Ended, Read, Reported, RunLog, Stopping};
 use numpy::PyReadonlyArray1;
 use partita_analysis::run::segments::{
-    in_segments, spread, Action, Decisions, Happening, Plan, Segment, Segments, Slipping, WrittenPlan,
+    in_segments, spread, Action, Cause, Decisions, Happening, Plan, Segment, Segments, Slipping, Transition, WrittenPlan,
 };
+use partita_analysis::error::AnalysisError;
+use partita_analysis::sensitivity::{Instant, Jump, Leg, Reason, Time};
 use partita_analysis::run::{Assessed, Balance, Described, Finding, Request, SolutionLog};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::Observe;
 use partita_integrate::step_log::StepLog;
+use partita_model::event_functions::Formula;
 use partita_model::Model;
 use partita_system::event::{EventFunctions, MotionState};
 use partita_system::prelude::*;
@@ -40,6 +43,8 @@ impl Decisions for Deciding {
 
 /// A segment with what describes its outputs.
 struct Part {
+    start: Output,
+    transition: Option<Transition>,
     whole: Arc<Model>,
     run: RunLog<Model>,
     rows: Vec<usize>,
@@ -51,6 +56,8 @@ struct SegmentsLog {
     whole: Arc<Model>,
     parts: Vec<Part>,
     shared: bool,
+    /// What the events follow, by name.
+    formulas: Vec<(String, Formula)>,
 }
 
 impl SegmentsLog {
@@ -60,6 +67,31 @@ impl SegmentsLog {
 
     fn count(&self) -> usize {
         self.outputs().count()
+    }
+
+    /// What happens between two parts, for derivatives.
+    fn jump(&self, of: &Transition) -> Result<Jump, AnalysisError> {
+        let named = |event: usize| -> Result<(String, Formula), AnalysisError> {
+            let none = || SystemError::argument("run", "an event of this run is not known any more".into());
+            Ok(self.formulas.get(event).cloned().ok_or_else(none)?)
+        };
+        let cause = |cause: &Cause| {
+            Ok(match cause {
+                Cause::Event(event) => {
+                    let (name, formula) = named(*event)?;
+                    (name, Reason::Zero(formula))
+                }
+                Cause::Force(row, friction) => {
+                    (friction.clone().unwrap_or_else(|| "contact".into()), Reason::Force(*row))
+                }
+                Cause::Passes(event, value) => {
+                    let (name, formula) = named(*event)?;
+                    (name, Reason::Zero(Formula::Sum(vec![formula, Formula::Number(-value)])))
+                }
+            })
+        };
+        let causes = of.causes.iter().map(cause).collect::<Result<_, AnalysisError>>()?;
+        Ok(Jump { whole: of.whole.clone(), causes, laws: of.laws.clone() })
     }
 }
 
@@ -152,6 +184,15 @@ impl Reported for SegmentsLog {
             None => self,
         }
     }
+    fn legs(&self, times: &[Time]) -> Result<Vec<Leg>, AnalysisError> {
+        let mut legs = Vec::new();
+        for part in &self.parts {
+            let mut leg = part.run.leg(Instant::of(&part.start), times)?;
+            leg.jump = part.transition.as_ref().map(|x| self.jump(x)).transpose()?;
+            legs.push(leg);
+        }
+        Ok(legs)
+    }
     fn is_divided(&self) -> bool {
         true
     }
@@ -218,7 +259,7 @@ pub fn run<'py>(
     let (plan, functions) = planned(py, model, &events, (acts, decisions))?;
     let go = |watch: Stopping| in_segments(plan, functions, request, &t_eval, (q, v), watch);
     let (found, cause) = carried_out(py, request, progress, go, |found| &mut found.outcome)?;
-    reported_segments(py, model, found, cause)
+    reported_segments(py, model, (found, events.formulas()), cause)
 }
 
 /// Notes that differ in their numbers alone are told this often. Unit: number. Reason: what happens in every segment is read
@@ -261,7 +302,7 @@ fn gathered<'n>(notes: impl Iterator<Item = &'n String>) -> Vec<String> {
 pub fn reported_segments<'py>(
     py: Python<'py>,
     model: &Arc<Model>,
-    found: Segments,
+    (found, formulas): (Segments, Vec<(String, Formula)>),
     cause: Option<PyErr>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let Segments { all, happenings, outcome } = found;
@@ -285,13 +326,15 @@ pub fn reported_segments<'py>(
     };
     let d = ended.reported(py, model.size(), cause)?;
     d.set_item("happenings", happenings.iter().map(happened).collect::<Vec<_>>())?;
-    let part = |Segment { whole, model, rows, run, slips }: Segment| Part {
+    let part = |Segment { start, transition, whole, model, rows, run, slips }: Segment| Part {
+        start,
+        transition,
         whole,
         run: RunLog::new(model, run.log, shared),
         rows,
         slips,
     };
-    let log = SegmentsLog { whole: model.clone(), parts: all.into_iter().map(part).collect(), shared };
+    let log = SegmentsLog { whole: model.clone(), parts: all.into_iter().map(part).collect(), shared, formulas };
     let gaps = (gaps.position.part, gaps.velocity.part);
     d.set_item("log", Account::new(Box::new(log), (counters, work), (open, gaps), exchanged).into_pyobject(py)?)?;
     Ok(d)

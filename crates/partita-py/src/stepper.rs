@@ -250,7 +250,7 @@ impl Stepper {
         let model = model.unwrap_or(&self.model);
         match found {
             Recorded::Plain(found) => run::left(py, model, *found),
-            Recorded::Acting(found) => segments::reported_segments(py, model, *found, None),
+            Recorded::Acting(found) => segments::reported_segments(py, model, (*found, Vec::new()), None),
         }
     }
 }

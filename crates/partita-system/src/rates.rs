@@ -206,15 +206,46 @@ impl<'c, N: Scalar, L: LevelsOver<N>> Evaluation<'c, N, L> {
     /// `q_D ← q_D − C_D⁻¹ Φ`, where all rows kept are holonomic.                           (34)
     pub fn correct(&mut self, t: N, q: &mut [N]) -> Result<()> {
         self.position(t, q)?;
+        self.put_on(q);
+        Ok(())
+    }
+
+    /// As [`correct`](Self::correct), to where the rows have these values instead of 0; what rows of rates hold moves by
+    /// nothing.
+    pub fn correct_to(&mut self, t: N, q: &mut [N], values: &[N]) -> Result<()> {
+        self.position(t, q)?;
+        self.phi.iter_mut().zip(values).for_each(|(phi, x)| *phi -= *x);
+        self.put_on(q);
+        Ok(())
+    }
+
+    /// The correction for Φ at the position last evaluated.                                (34)
+    fn put_on(&mut self, q: &mut [N]) {
         let (choice, dv) = (self.choice, &mut self.work[..self.v.len()]);
         dv.fill(N::zero());
         if let Some(plan) = choice.plan {
             let x = &mut self.rhs[..choice.rows.len()];
-            x.iter_mut().zip(choice.rows).for_each(|(x, &row)| *x = -self.phi[row]);
+            let open = |row: usize| self.phi.get(row).map_or(N::zero(), |phi| -*phi);
+            x.iter_mut().zip(choice.rows).for_each(|(x, &row)| *x = open(row));
             plan.solve(&self.factors, x, 1);
             choice.put_dependent(x, dv);
         }
         self.of.step(q, dv);
+    }
+
+    /// v at (t, q, v_I).                                                                    (P2)
+    pub fn velocities(&mut self, t: N, q: &[N], v_independent: &[N]) -> Result<()> {
+        self.position(t, q)?;
+        let (choice, tangent) = (self.choice, (&self.dt[..], &self.gamma[..]));
+        choice.spread(&self.factors, &self.c, &self.a, tangent, v_independent, &mut self.work, &mut self.v);
+        Ok(())
+    }
+
+    /// λ of all rows at the point (t, q) whose levels were evaluated last.                 (R1)
+    pub fn multipliers(&mut self, t: N, q: &[N], out: &mut [N]) -> Result<()> {
+        let mut residual = vec![N::zero(); self.v.len()];
+        self.of.inverse_dynamics(t, q, &self.v, &self.vdot, &mut residual)?;
+        self.choice.multipliers(&self.factors, &residual, &mut self.work, out);
         Ok(())
     }
 
@@ -234,5 +265,50 @@ impl<'c, N: Scalar, L: LevelsOver<N>> Evaluation<'c, N, L> {
         self.levels(t, q, v_independent)?;
         let at = Point { t, q, v: &self.v, gamma: &self.gamma, vdot: &self.vdot };
         rates(&mut self.of, &self.choice, &at, &mut self.work[..self.v.len()], out)
+    }
+}
+
+/// What steps ask of an [`Evaluation`], whatever the system.
+pub trait ChosenRates<N> {
+    /// See [`Evaluation::rates`].
+    fn rates(&mut self, t: N, q: &[N], v_independent: &[N], out: &mut [N]) -> Result<()>;
+    /// Φ at (t, q).
+    fn phi(&mut self, t: N, q: &[N]) -> Result<&[N]>;
+    /// See [`Evaluation::correct_to`].
+    fn correct_to(&mut self, t: N, q: &mut [N], values: &[N]) -> Result<()>;
+    /// See [`Evaluation::velocities`].
+    fn velocities(&mut self, t: N, q: &[N], v_independent: &[N]) -> Result<&[N]>;
+    /// v' at (t, q, v_I).
+    fn accelerations(&mut self, t: N, q: &[N], v_independent: &[N]) -> Result<&[N]>;
+    /// λ of all rows there.
+    fn multipliers(&mut self, t: N, q: &[N], out: &mut [N]) -> Result<()>;
+    /// v and v' where the rates were evaluated last.
+    fn motion(&self) -> (&[N], &[N]);
+}
+
+impl<N: Scalar, L: LevelsOver<N>> ChosenRates<N> for Evaluation<'_, N, L> {
+    fn rates(&mut self, t: N, q: &[N], v_independent: &[N], out: &mut [N]) -> Result<()> {
+        self.rates(t, q, v_independent, out)
+    }
+    fn phi(&mut self, t: N, q: &[N]) -> Result<&[N]> {
+        self.position(t, q)?;
+        Ok(&self.phi)
+    }
+    fn correct_to(&mut self, t: N, q: &mut [N], values: &[N]) -> Result<()> {
+        self.correct_to(t, q, values)
+    }
+    fn velocities(&mut self, t: N, q: &[N], v_independent: &[N]) -> Result<&[N]> {
+        self.velocities(t, q, v_independent)?;
+        Ok(&self.v)
+    }
+    fn accelerations(&mut self, t: N, q: &[N], v_independent: &[N]) -> Result<&[N]> {
+        self.levels(t, q, v_independent)?;
+        Ok(&self.vdot)
+    }
+    fn multipliers(&mut self, t: N, q: &[N], out: &mut [N]) -> Result<()> {
+        self.multipliers(t, q, out)
+    }
+    fn motion(&self) -> (&[N], &[N]) {
+        (&self.v, &self.vdot)
     }
 }

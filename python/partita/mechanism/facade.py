@@ -20,6 +20,7 @@ from .ensemble import ensemble
 from .equilibrium import equilibria, equilibrium
 from .exporting import export_c
 from .fmu import to_fmu
+from .gradient import gradient
 from .inverse import inverse_dynamics
 from .kinematics import kinematics
 from .linear import linearize
@@ -92,6 +93,7 @@ class Mechanism(Modelled):
     convert = solve.convert
     simulate = solve.simulate
     ensemble = ensemble
+    gradient = gradient
     inverse_dynamics = inverse_dynamics
     inputs = property(stepping.inputs)
     stepper = stepping.stepper

@@ -122,8 +122,18 @@ def assemble(
         also: dict[str, Any] = {"fixed": fixed, "guess": guess, "branch": branch, "t": t, "tolerance": tolerance}
         found = assemble(self, targets, rates, **also, parameters=parameters)
         there = _converted(self, found, coordinates, parameters)
-        return State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
-    return State(time, q, v, layout=layout, assembly={**json.loads(report), "remarks": doubts})
+        converted = State(there.t, there.q, there.v, layout=layout, assembly=found.assembly)
+        converted.held = found.held
+        return converted
+    found = State(time, q, v, layout=layout, assembly={**json.loads(report), "remarks": doubts})
+    found.held = _held(levels, rates)
+    return found
+
+
+def _held(levels: list[Any], rates: Any) -> tuple[str, ...]:
+    """The joints whose positions or rates were asked for."""
+    asked_for = [key for level in [*levels, rates or {}] for key in level]
+    return tuple(dict.fromkeys(str(getattr(key, "name", key)) for key in asked_for if not isinstance(key, tuple)))
 
 
 def _levels(targets: Any) -> list[Any]:
@@ -242,7 +252,9 @@ def _converted(self: Modelled, state: State, coordinates: str, parameters: Mappi
     for source in others:
         if state.is_of(source.summary):
             q, v = model.core.transferred(source.core, state.q, state.v)
-            return State(state.t, q, v, layout=layout)
+            converted = State(state.t, q, v, layout=layout)
+            converted.held = state.held
+            return converted
     if (found := of_parting_run(self, state, model, parameters)) is not None:
         return State(found.t, found.q, found.v, layout=layout)
     raise ArgumentError(
@@ -518,6 +530,9 @@ def simulate(
         events=() if watched is None else watched.names,
         looks=self._looks(),
     )
+    result._held = start.held
+    if watched is not None:
+        result._formulas = {one["name"]: one["formula"] for one in json.loads(watched.text)}
     if logger.isEnabledFor(INFO):  # what it says is computed when it is read
         outputs, steps = len(result.t), result.counters.get("steps", 0)
         logger.info("%s: %s after %d outputs and %d steps", self.name, result.status, outputs, steps)

@@ -49,6 +49,10 @@ class Run(Motion):
         self._sensors = sensors
         self._warned = False
         self._looks: Mapping[str, Any] | None = None
+        self._held: tuple[str, ...] = ()
+        """The joints with which the start was assembled."""
+        self._formulas: Mapping[str, Any] = {}
+        """What the events follow, by name, as the core does."""
         arrays = record.arrays
         self.t: FloatArray = arrays["t"]
         """(nt,): times of the outputs [s]."""
@@ -77,7 +81,7 @@ class Run(Motion):
 
     def __copy__(self: R) -> R:
         copied = type(self)(self._record, self._source, self._sensors)
-        copied._looks = self._looks
+        copied._looks, copied._held, copied._formulas = self._looks, self._held, self._formulas
         return copied
 
     @classmethod

@@ -183,6 +183,11 @@ class LiveSensors:
     ) -> None:
         self._sensors, self._source, self._account = sensors, source, account
 
+    @property
+    def records(self) -> Mapping[str, SensorRecord]:
+        """What each sensor reads, by name."""
+        return self._sensors
+
     @cached_property
     def _signals(self) -> RunSignals:
         return RunSignals(self._source)

@@ -214,8 +214,45 @@ pub struct Happening {
     pub energy_lost: f64,
 }
 
+/// The rate that an instant gives to a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// None.
+    Still,
+    /// That which was asked.
+    Set,
+    /// Part of that with which it closed.
+    Bounces,
+}
+
+/// Why a segment ended.
+#[derive(Clone, Debug)]
+pub enum Cause {
+    /// The function of an event, by its number, is zero.
+    Event(usize),
+    /// The force along a row of its mechanism is zero, or as large as the friction of this name can carry.
+    Force(usize, Option<String>),
+    /// The function of an event has this value.
+    Passes(usize, f64),
+}
+
+/// What happened between two segments, as their derivatives need it.
+#[derive(Clone)]
+pub struct Transition {
+    /// The mechanism with all drives that may hold.
+    pub whole: Arc<Model>,
+    /// Why.
+    pub causes: Vec<Cause>,
+    /// Its rows to which velocities jumped; none where they did not.
+    pub laws: Vec<(usize, Law)>,
+}
+
 /// A part of a run.
 pub struct Segment {
+    /// Where it begins, with whole turns in its coordinates.
+    pub start: Output,
+    /// What ended it, if something did.
+    pub transition: Option<Transition>,
     /// The mechanism with all drives that may hold, without the joints that are apart.
     pub whole: Arc<Model>,
     /// The mechanism with the rows that act.
@@ -365,6 +402,9 @@ impl RunState {
                 Ok(changed) => changed,
                 Err(error) => return stopped(all, last.t, error),
             };
+            if let Some((_, segment)) = all.last_mut() {
+                segment.transition = self.maker.transition.take();
+            }
             self.work = last.work + energy;
             (self.now, self.mode) = (whole(&last, after), next);
             if over {

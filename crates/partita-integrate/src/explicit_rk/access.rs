@@ -5,6 +5,7 @@ use crate::combination::append;
 use crate::counters::Counters;
 use crate::dense_output::Known;
 use crate::placement::Handover;
+use crate::scheme::{Scheme, Taken};
 use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
 
 impl StepControl for ExplicitRungeKutta {
@@ -141,6 +142,10 @@ impl StepStorage for ExplicitRungeKutta {
         self.dense.extra().iter().zip(extra.chunks_exact(dim.max(1))).for_each(|(stage, of)| fill(stage.slot, of));
         self.dense.known = if extra.is_empty() { Known::Stages } else { Known::ExtraStages };
         self.phase = Phase::Concluded;
+    }
+    fn taken(&self) -> Option<Taken> {
+        let scheme = if self.memory.is_some() { Scheme::accurate() } else { Scheme::of_table(self.tableau) };
+        Some(Taken { scheme, states: Vec::new() })
     }
 }
 

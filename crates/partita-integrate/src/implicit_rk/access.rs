@@ -1,10 +1,11 @@
 //! Read access to the stepper, and decisions between its evaluations.
 
-use super::coefficients::S;
+use super::coefficients::{NODES, S};
 use super::stages::Matrix;
 use super::{Phase, Predictive, Radau};
 use crate::counters::Counters;
 use crate::placement::Handover;
+use crate::scheme::{Scheme, Taken};
 use crate::stepper::{CurrentStep, StepControl, StepPlan, StepStorage};
 use partita_system::linear_rates::LinearRates;
 
@@ -130,6 +131,12 @@ impl StepStorage for Radau {
             self.half.z.copy_from_slice(extra);
             self.polynomial.fill(&self.y_old, &self.y_new, &self.solver, &self.half);
         }
+    }
+    fn taken(&self) -> Option<Taken> {
+        let a: Vec<Vec<f64>> = NODES.a.iter().map(|row| row.to_vec()).collect();
+        let scheme = Scheme { c: NODES.c.to_vec(), b: a[S - 1].clone(), a, implicit: true };
+        let states = self.solver.z.iter().enumerate().map(|(i, z)| self.y_old[i % self.y_old.len()] + z).collect();
+        Some(Taken { scheme, states })
     }
 }
 

@@ -5,10 +5,13 @@ use super::{Control, March};
 use crate::failure::StepFailure;
 use crate::method::Method;
 use crate::options::{Options, OptionsError};
+use crate::scheme::{Scheme, Taken};
 use crate::step_log::StepLog;
 use crate::stepper::Stepper;
 use partita_system::formulation::{Course, Formulation};
+use partita_system::positions::turns;
 use partita_system::record::Output;
+use partita_system::reduction::snapshot::ReductionSnapshot;
 use partita_system::SystemError;
 use std::collections::HashMap;
 use std::mem::size_of;
@@ -54,6 +57,22 @@ pub struct StepReader<'s> {
     extra_count: usize,
 }
 
+/// A step of a log, for derivatives.
+pub struct StepTaken {
+    /// When it begins and ends.
+    pub span: (f64, f64),
+    /// The closed state at its start, with whole turns in its coordinates.
+    pub start: (Vec<f64>, Vec<f64>),
+    /// How it was taken, whole turns in the coordinates of its states.
+    pub taken: Taken,
+    /// Components of each of these.
+    pub dim: usize,
+    /// Whether it crosses a singular position.
+    pub across: bool,
+    /// The choice in use.
+    pub choice: ReductionSnapshot,
+}
+
 impl<'s> StepReader<'s> {
     /// For a formulation that was not started, with nq coordinates.
     ///
@@ -90,6 +109,27 @@ impl<'s> StepReader<'s> {
         let end = log.step(before).t_new;
         self.read_step(log, before, end).map_err(|failure| cause(failure, end))?;
         Ok(Some(&self.march.output))
+    }
+
+    /// Step i of a log; the last one ends where the run does.
+    ///
+    /// # Errors
+    /// Where something cannot be evaluated.
+    pub fn step(&mut self, log: &StepLog, i: usize) -> Result<StepTaken, SystemError> {
+        let step = log.step(i);
+        self.read_step(log, i, step.t_old).map_err(|failure| cause(failure, step.t_old))?;
+        let turns = log.turns(i);
+        let whole = |q: &[f64]| q.iter().zip(turns).map(|(q, n)| turns::whole(*q, *n)).collect::<Vec<f64>>();
+        let start = (whole(&self.march.output.q), self.march.output.v.clone());
+        let dim = self.buffer.len();
+        let mut taken = self.march.active().taken().unwrap_or(Taken { scheme: Scheme::accurate(), states: Vec::new() });
+        for state in taken.states.chunks_exact_mut(dim.max(1)) {
+            let q = whole(&state[..turns.len().min(dim)]);
+            state[..q.len()].copy_from_slice(&q);
+        }
+        let end = log.span().map_or(step.t_new, |span| step.t_new.min(span.1));
+        let across = step.course == Course::Across;
+        Ok(StepTaken { span: (step.t_old, end), start, taken, dim, across, choice: log.choice(i).reduction.clone() })
     }
 
     fn read_step(&mut self, log: &StepLog, i: usize, t: f64) -> Result<(), StepFailure<SystemError>> {

@@ -11,6 +11,7 @@ mod counts;
 mod lean;
 mod lookup;
 mod module;
+mod reverse;
 
 pub use c::{head, Numbers};
 pub use counts::OperationCounts;

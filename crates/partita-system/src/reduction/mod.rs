@@ -8,7 +8,7 @@ mod distance;
 mod quality;
 mod row_exchange;
 mod rows;
-mod snapshot;
+pub mod snapshot;
 mod switches;
 mod watch;
 

@@ -2,7 +2,7 @@
 
 use super::follow::{Following, Largest, Lasts, Shared, WithContacts};
 use super::mode::{Bounds, FrictionOf, Mode, Own, StickSlip, StopOf, Whole, RATE_AT_REST};
-use super::{Action, Happening, Kind, Plan, Segment, Slipping};
+use super::{Action, Cause, Happening, Kind, Plan, Segment, Slipping, Transition};
 use crate::error::AnalysisError;
 use crate::run::impact::OneSided;
 use crate::run::{Request, Run};
@@ -41,6 +41,8 @@ pub(super) struct Maker {
     /// How often each event has occurred.
     pub(super) count: Vec<u64>,
     pub(super) happenings: Vec<Happening>,
+    /// The last one.
+    pub(super) transition: Option<Transition>,
 }
 
 pub(super) fn refuse(message: String) -> AnalysisError {
@@ -91,7 +93,10 @@ impl Maker {
         let mode = Mode { locked, frictions: resting, whole, ..Mode::default() };
         let (models, wholes) = (BTreeMap::new(), BTreeMap::new());
         let (happenings, count) = (Vec::new(), vec![0; plan.events.len()]);
-        Ok((Self { plan, functions, stops, frictions, rows, always, models, wholes, count, happenings }, mode))
+        let transition = None;
+        let made =
+            Self { plan, functions, stops, frictions, rows, always, models, wholes, count, happenings, transition };
+        Ok((made, mode))
     }
 
     /// The mechanism with all drives, without the joints that are apart, and with its inputs. Made once.
@@ -151,15 +156,15 @@ impl Maker {
         let (whole, (model, _)) = (self.whole(&mode.whole)?, self.model(mode)?);
         let observe = self.observe(mode, &whole, &model);
         let run = crate::run::observed(&*model, request, None, times, (&now.q, &now.v), Some(observe), watch)?;
-        self.with_run(mode, run)
+        self.with_run(mode, run, now.clone())
     }
 
     /// The segment of a run in a mode.
-    pub(super) fn with_run(&mut self, mode: &Mode, run: Run) -> Result<Segment, AnalysisError> {
+    pub(super) fn with_run(&mut self, mode: &Mode, run: Run, start: Output) -> Result<Segment, AnalysisError> {
         let (whole, (model, rows)) = (self.whole(&mode.whole)?, self.model(mode)?);
         let rubbing = self.frictions.iter().zip(&mode.frictions).filter(|x| x.1.sign() != 0);
         let slips = rubbing.map(|(x, state)| Slipping { row: x.row, force: x.force, signs: state.signs() });
-        Ok(Segment { whole, model, rows, run, slips: slips.collect() })
+        Ok(Segment { start, transition: None, whole, model, rows, run, slips: slips.collect() })
     }
 
     /// What a mode follows beside the events, in the order of their numbers after those of the events.
@@ -167,6 +172,25 @@ impl Maker {
         let presses = mode.pressing.iter().map(|&s| Own::Press(s));
         let rests = (0..self.frictions.len()).filter(|&i| !matches!(mode.frictions[i], StickSlip::Slips(_)));
         presses.chain(rests.flat_map(|i| [1, -1].map(|sign| Own::Slip(i, sign)))).collect()
+    }
+
+    /// Why a segment in this mode ended.
+    pub(super) fn causes(&self, mode: &Mode, model: &Model, occurred: &[Occurrence]) -> Vec<Cause> {
+        let own = self.own(mode);
+        let row = |drive: &str| model.drives().iter().find(|d| d.name == drive).map_or(0, |d| d.row);
+        let of = |x: &Occurrence| match x.event.checked_sub(self.plan.events.len()).map(|i| own.get(i)) {
+            None => Some(Cause::Event(x.event)),
+            Some(Some(Own::Press(stop))) => Some(Cause::Force(row(&self.stops[*stop].drive), None)),
+            Some(Some(Own::Slip(i, sign))) => {
+                let friction = &self.frictions[*i];
+                Some(match mode.frictions[*i] {
+                    StickSlip::Sticks => Cause::Force(row(&friction.drive), Some(friction.name.clone())),
+                    _ => Cause::Passes(friction.event, f64::from(*sign) * RATE_AT_REST * friction.size),
+                })
+            }
+            Some(None) => None,
+        };
+        occurred.iter().filter_map(of).collect()
     }
 
     /// What finds the events of a segment in a mode.

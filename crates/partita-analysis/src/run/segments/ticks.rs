@@ -269,7 +269,7 @@ impl Ticks {
             // the end of one is the start of the next
             run.log.outputs.retain(|x| x.t > ends);
             ends = run.log.outputs.last().map_or(ends, |x| x.t);
-            all.push(maker.with_run(mode, run)?);
+            all.push(maker.with_run(mode, run, Output::default())?);
         }
         let happenings = if here { self.occurred.clone() } else { self.happened.clone() };
         Ok(Segments::new(all, happenings))

@@ -1,9 +1,9 @@
 //! From one segment to the next: what actions change at an instant, and what happened there.
 
 use super::maker::{refuse, Maker};
-use super::mode::{Bounds, Mode, Own, StickSlip};
+use super::mode::{Bounds, Mode, Own, StickSlip, RATE_AT_REST};
 use super::settle::Settled;
-use super::{Action, Happening, JointImpulse, Kind};
+use super::{Action, Happening, JointImpulse, Kind, Law, Transition};
 use crate::determined::determined;
 use crate::error::AnalysisError;
 use crate::outputs::{energies, reactions, Forces, States};
@@ -197,6 +197,23 @@ impl Maker {
         let dv: Vec<f64> = v.iter().zip(&before.v).map(|(after, before)| after - before).collect();
         let along: Vec<f64> = if jumps { rows.iter().map(|&row| impulses[row]).collect() } else { Vec::new() };
         let joints = if jumps { of_joints(&whole, (t, &q), &dv, &along)? } else { Vec::new() };
+        if !occurred.is_empty() {
+            let mut laws: Vec<(usize, Law)> = Vec::new();
+            if jumps {
+                let after = Impact::new(&acting, t, &q, &v)?;
+                laws.extend(held.iter().map(|x| (x.0, Law::Still)).chain(set.iter().map(|x| (x.0, Law::Set))));
+                for &i in &closed {
+                    let (side, loaded) = (self.stops[i].side, impulses[self.stops[i].side.row] != 0.0);
+                    let still = after.rate(side).abs() <= RATE_AT_REST * self.stops[i].size;
+                    laws.extend(loaded.then_some((side.row, if still { Law::Still } else { Law::Bounces })));
+                }
+            }
+            let own = |&(row, law): &(usize, Law)| rows.iter().position(|x| *x == row).map(|row| (row, law));
+            let laws = laws.iter().filter_map(own).collect();
+            let (model, _) = self.model(mode)?;
+            let causes = self.causes(mode, &model, occurred);
+            self.transition = Some(Transition { whole: whole.clone(), causes, laws });
+        }
         for (event, rises, kind) in done {
             let own = matches!(kind, Kind::Impact | Kind::Lock | Kind::Rates);
             let impulses = if own { impulses.clone() } else { Vec::new() };
