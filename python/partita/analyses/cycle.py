@@ -77,6 +77,8 @@ class Cycle:
         kind: "driven"; "free": its period is its own; "conservative": free, one of a family over the energy.
         trivial: multipliers that are 1 by nature; their distance from 1 shows how accurate the others are.
         error: estimated error of the entries of `matrix`, in natural sizes.
+        method: "exact": derivatives of the steps of the run; "differences" of runs where these do not serve, as for
+            spatial rotations.
         off: largest difference between end and start, in radians, characteristic lengths and the rates of these.
         history: that difference in each iteration of the search.
         by: the derivatives that were asked for, by the names of their parameters.
@@ -91,6 +93,7 @@ class Cycle:
     kind: str
     trivial: ComplexArray
     error: float
+    method: str
     off: float
     history: tuple[float, ...]
     by: Mapping[str, CycleDerivative]
@@ -186,6 +189,7 @@ class Cycle:
             ("stability", self.words),
             ("variables", names(self.variables)),
             ("comes back within", f"{self.off:.2g}"),
+            ("derivatives", self.method),
         ]
         if len(self.trivial):
             rows.append(("multipliers that are 1", f"within {np.abs(self.trivial - 1.0).max():.2g}"))

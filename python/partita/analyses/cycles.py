@@ -14,6 +14,7 @@ from ..extras import extra
 from ..naming import index_of
 from ..notebook import table
 from ..numeric import shown
+from ..results import Result
 from .cycle import Cycle
 from .still import place
 
@@ -92,7 +93,7 @@ class CycleFamily:
         ends: why the family ends at its beginning and at its end.
         curve_values: (p,) the parameter at all positions computed along it.
         curve_periods: (p,) periods there [s].
-        curve_low, curve_high: (p, nq) least and largest values of the coordinates in one cycle.
+        curve: (p,) the runs over one cycle there, with 61 outputs each.
         curve_multipliers: (p, k) multipliers there.
         names: of the coordinates.
 
@@ -115,8 +116,7 @@ class CycleFamily:
     ends: tuple[str, str]
     curve_values: Array
     curve_periods: Array
-    curve_low: Array
-    curve_high: Array
+    curve: tuple[Result, ...]
     curve_multipliers: ComplexArray
     names: tuple[str, ...]
     title: str
@@ -149,6 +149,16 @@ class CycleFamily:
     def special(self) -> tuple[Bifurcation, ...]:
         """All bifurcations, for pictures."""
         return self.bifurcations
+
+    @property
+    def curve_low(self) -> Array:
+        """(p, nq): least value of each coordinate in one cycle."""
+        return np.array([run.q.min(axis=0) for run in self.curve])
+
+    @property
+    def curve_high(self) -> Array:
+        """(p, nq): largest value of each coordinate in one cycle."""
+        return np.array([run.q.max(axis=0) for run in self.curve])
 
     @property
     def curve_unstable(self) -> NDArray[np.int_]:

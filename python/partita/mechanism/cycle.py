@@ -131,9 +131,10 @@ def cycle(
     settling = None if settle is None else _whole(settle)
     time = None if guess is None else run_options.positive("guess", run_options.si("guess", guess, "s"))
     duration, kind = _duration(own, start, period, first, count)
-    setting = Setting(
-        self, own.model_at, own.parameters_at, duration, 1.0 if line is None else float(np.ptp(line.asked))
-    )
+    setting = Setting(self, own.model_at, own.parameters_at, duration)
+    if line is not None:
+        slopes = tuple(zip(line.names, line.slope, strict=True))
+        setting = setting._replace(size=float(np.ptp(line.asked)), along=slopes)
     place, history, kind, energy = _found(setting, start, first, kind, (time, initial is not None, settling))
     _repeats(setting, place, kind)
     if line is not None:
@@ -198,7 +199,7 @@ def _duration(own: _Own, start: State, period: Any, x: float, count: int) -> tup
         return lambda x: common(repeats(own.model_at(x), start, name, known)), driven
     if period is not None:
         seconds = run_options.positive("period", run_options.si("period", period, "s"))
-        still = not _depends_on_time(model, start) and not _drives(model)
+        still = not _drives(model) and not _depends_on_time(model, start)
         kind = Kind(1, free=True, conservative=False, timed=True) if still else driven
         return lambda _: seconds, kind
     if repeats(model, start):
@@ -368,6 +369,7 @@ def described(
         kind="conservative" if kind.conservative else "free" if kind.free else "driven",
         trivial=trivial,
         error=at.shot.error,
+        method=at.shot.method,
         off=at.size,
         history=tuple(history),
         by=by or {},
@@ -423,7 +425,10 @@ def _derivative(
 
     line = _Own(own.mechanism, own.parameters, None)
     line.parameters_at = at  # type: ignore[method-assign]
-    over = setting._replace(model_at=line.model_at, parameters_at=at, size=abs(value) or 1.0)
+    slope = [float(i == number.number) for i in range(len(number.values))]
+    over = setting._replace(
+        model_at=line.model_at, parameters_at=at, size=abs(value) or 1.0, along=((number.name, slope),)
+    )
     if not kind.free:
         base = setting.duration_at
         over = over._replace(duration_at=lambda x: _duration_with(own, line, place, x, base(place.x), value))

@@ -67,7 +67,7 @@ HALF = 0.5
 """A value asked for is sought from the nearer of two positions. Scale: fraction of the way from one to the other.
 Reason: the middle."""
 OUTPUTS = 61
-"""Outputs of a cycle in which extremes are read."""
+"""Outputs of the run over a cycle at each position."""
 INSIDE = 1e-9
 """A parameter beyond the values asked for by less is within them. Scale: fraction of their range. Reason: rounding of
 given values."""
@@ -341,7 +341,7 @@ def _collected(
     points.sort(key=lambda one: one[0])
     special.sort(key=lambda one: one[0])
     curve = [p for _, p in points]
-    runs = [run_over(of.setting, p.at.place, of.kind, OUTPUTS).q for p in curve]
+    runs = tuple(run_over(of.setting, p.at.place, of.kind, OUTPUTS) for p in curve)
     model = of.setting.model_at(curve[0].x)
     return CycleFamily(
         parameter=of.line.label,
@@ -352,8 +352,7 @@ def _collected(
         ends=(begins, paths[0].end),
         curve_values=np.array([p.x for p in curve]),
         curve_periods=np.array([p.at.place.period * of.kind.periods for p in curve]),
-        curve_low=np.array([q.min(axis=0) for q in runs]),
-        curve_high=np.array([q.max(axis=0) for q in runs]),
+        curve=runs,
         curve_multipliers=np.array([p.multipliers for p in curve]),
         names=tuple(model.names),
         title=str(model.summary["name"]),

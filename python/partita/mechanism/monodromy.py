@@ -1,7 +1,7 @@
 """How the end of a run depends on its start and on parameters: its monodromy matrix in independent coordinates.
 
-All else about periodic motions needs nothing but `Chart` and `monodromy`. The derivatives are extrapolated central
-differences of tight runs.
+All else about periodic motions needs nothing but `Chart` and `monodromy`. The derivatives are those of the steps of the
+run; where these do not serve, as for spatial rotations, extrapolated central differences of tight runs.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from ..builder.compiled import CompiledModel
 from ..builder.records import DriveRecord
-from ..errors import EvaluationError, SingularityError
+from ..errors import EvaluationError, PartitaError, SingularityError
 from ..naming import joint_units
 from ..results import Result
+from ..results.sensitivities import Held, Number, derivatives
 from ..state import State
 from ..tolerance import SUM_ROUNDING
 from .algebra import inverse, null_space, pivots
@@ -39,6 +40,9 @@ the sixth power, which meet rounding at nine digits."""
 ROUGH_DIFFERENCE = 1e-4
 """Change of the start in a single difference, for iterations. Scale: as of `FIRST_DIFFERENCE`. Reason: seven digits,
 with which Newton's method gains as many in each iteration."""
+DURATION_STEP = 1e-4
+"""Change of a parameter by which the duration of a cycle is differentiated. Scale: fraction of the size of the
+parameter. Reason: eight digits of what is a smooth formula."""
 HALVINGS = 3
 """Differences of one derivative."""
 CLOSINGS = 8
@@ -175,6 +179,7 @@ class Shot(NamedTuple):
         by: (m, p): derivatives by the parameters.
         rates: (m,): rates of the variables at the end.
         error: estimated error of `matrix`, in natural sizes.
+        method: "exact": derivatives of the steps of the run, or "differences".
     """
 
     run: Result
@@ -183,6 +188,7 @@ class Shot(NamedTuple):
     by: Array
     rates: Array
     error: float
+    method: str
 
 
 Along = Callable[[float], Mapping[str, Any]]
@@ -199,6 +205,8 @@ class Setting(NamedTuple):
     """Of one run, at x."""
     size: float = 1.0
     """Natural size of a change of x."""
+    along: tuple[tuple[str, Sequence[float]], ...] = ()
+    """Changes of parameters with x."""
     t_eval: int = 0
     """Outputs of a run between its start and its end."""
 
@@ -259,10 +267,81 @@ def monodromy(
     """Run for this duration, and differentiate its end by the variables at its start, and by x where it is asked for:
     along with x the duration of a run changes as `setting.duration_at` says.
 
-    The derivatives are central differences with three steps, extrapolated to none; `fine=False`: with one step.
+    The derivatives are those of the steps that the run took. Where these do not serve, they are central differences,
+    `fine=False` with one step alone.
     """
-    model = setting.model_at(x)
     base = ran(setting, start, x, duration)
+    held = _coordinates(setting.model_at(x), variables)
+    if held is not None:
+        try:
+            return _by_steps(setting, base, start, variables, held, (x, duration), by_x)
+        except PartitaError:
+            if len(base.events):
+                raise
+    return by_differences(setting, base, start, variables, x, duration, by_x=by_x, fine=fine)
+
+
+def _coordinates(model: CompiledModel, variables: Chart) -> list[Held] | None:
+    """The variables as joints with their coordinates; None where some are spatial rotations, or positions and rates
+    differ."""
+    if not np.array_equal(variables.positions, variables.velocities):
+        return None
+    found = []
+    for i in variables.positions.tolist():
+        for joint in model.summary["joints"]:
+            span, own = joint["state_v"], joint["state_q"]
+            if span is not None and span[0] <= i < span[0] + span[1]:
+                if own[1] != span[1]:
+                    return None
+                found.append(Held(model.velocity_names[i], joint["name"], i - span[0], {"velocity": i}))
+    return found if len(found) == len(variables.positions) else None
+
+
+def _by_steps(
+    setting: Setting,
+    base: Result,
+    start: State,
+    variables: Chart,
+    held: Sequence[Held],
+    at: tuple[float, float],
+    by_x: bool,
+) -> Shot:
+    """The end of a run by its start and by x, by the steps that it took."""
+    x, duration = at
+    unit = np.eye(len(held)).tolist()
+    directions: list[dict[str, Any]] = [{word: row} for word in ("start", "start_rates") for row in unit]
+    if by_x:
+        directions.append({"parameters": [(name, list(row)) for name, row in setting.along]})
+    numbers = [Number(i, (), (one,)) for i, one in enumerate(directions)]
+    measures = [{"of": "joint", "joint": one.joint, "coordinate": one.coordinate} for one in held]
+    observables = [{"formula": {reads: measure}} for reads in ("position", "velocity") for measure in measures]
+    found = derivatives(base, numbers, held, observables, base.t[-1:]).along[0]
+    width = variables.width
+    rates = variables.rates(base.v[-1], base.vdot[-1])
+    by = np.zeros((width, int(by_x)))
+    if by_x:
+        h = DURATION_STEP * (min(setting.size, abs(x)) if x else setting.size)
+        change = (setting.duration_at(x + h) - setting.duration_at(x - h)) / (2.0 * h)
+        by[:, 0] = found[:, width] + rates * duration * change / setting.duration_at(x)
+    scales = variables.scales(duration / (2.0 * np.pi))
+    size = float(np.abs(found[:, :width] * scales / scales[:, None]).max(initial=1.0))
+    return Shot(base, ended(base, start), found[:, :width], by, rates, TIGHT * size, "exact")
+
+
+def by_differences(
+    setting: Setting,
+    base: Result,
+    start: State,
+    variables: Chart,
+    x: float,
+    duration: float,
+    *,
+    by_x: bool = False,
+    fine: bool = True,
+) -> Shot:
+    """The end of a run by its start and by x, by central differences with three steps, extrapolated to none;
+    `fine=False`: with one step."""
+    model = setting.model_at(x)
     end = ended(base, start)
     time = duration / (2.0 * np.pi)
     scales = variables.scales(time)
@@ -305,7 +384,8 @@ def monodromy(
     by = [derivative(lambda h: (none, h), size)[0]] if by_x else []
     matrix = np.array(columns).T.reshape(variables.width, variables.width)
     rates = variables.rates(base.v[-1], base.vdot[-1])
-    return Shot(base, end, matrix, np.array(by).T.reshape(variables.width, len(by)), rates, max(errors))
+    slopes = np.array(by).T.reshape(variables.width, len(by))
+    return Shot(base, end, matrix, slopes, rates, max(errors), "differences")
 
 
 def not_there(names: Sequence[str], variables: Chart, off: Array, time: float) -> str:
