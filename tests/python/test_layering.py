@@ -298,8 +298,9 @@ def test_nothing_below_imports_the_command_line() -> None:
 def test_the_package_solves_nothing_itself() -> None:
     wrong = []
     for path in python_modules():
-        # the integral of a prescribed acceleration over time is no mechanics
-        if room(path) == "catalogue" or path.name == "integrals.py":
+        # the integral of a prescribed acceleration over time is no mechanics, nor are the equations between the ends of
+        # whole runs
+        if room(path) == "catalogue" or path.name in ("integrals.py", "algebra.py"):
             continue
         wrong += [
             f"{where(path, line)}: {name}"

@@ -231,3 +231,41 @@ def test_a_ratio_that_takes_whole_turns_away_is_refused() -> None:
     with pytest.raises(DescriptionError, match=r'coupling "gear": .* rates instead of positions.* build'):
         model.with_parameters({"gear.ratio": 0.31416})
     assert coupled().compile().with_parameters({"gear.ratio": 0.31416}).parameters["gear.ratio"] == 0.31416
+
+
+def test_numbers_of_drives_are_those_of_a_new_mechanism() -> None:
+    def arm(at: float, rate: float) -> pt.Mechanism:
+        m = pt.Mechanism("arm")
+        one = m.add_rod("one", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+        two = m.add_rod("two", start=(1, 0, 0), end=(2, 0, 0), mass=1.0)
+        three = m.add_rod("three", start=(2, 0, 0), end=(3, 0, 0), mass=1.0)
+        m.add_revolute("A", m.ground, one, point=(0, 0, 0))
+        m.add_revolute("B", one, two, point=(1, 0, 0))
+        m.add_revolute("C", two, three, point=(2, 0, 0))
+        m.add_drive("A", position=at, name="hold")
+        m.add_drive("B", velocity=rate, name="motor")
+        return m
+
+    numbers = {"hold.position": 0.4, "motor.velocity": -2.0}
+    known, new = arm(0.1, 1.0), arm(0.4, -2.0)
+    assert known.compile().parameters["motor.velocity"] == 1.0
+    run = known.simulate(0.3, parameters=numbers)
+    other = new.simulate(0.3)
+    assert np.array_equal(run.q, other.q) and np.array_equal(run.v, other.v)
+    assert run.q[-1, 0] == pytest.approx(0.4, abs=1e-12)
+    # in degrees a second, too
+    assert known.compile().with_parameters({"motor.velocity": "180 deg/s"}).parameters["motor.velocity"] == np.pi
+
+
+def test_an_equilibrium_over_the_position_that_a_drive_holds() -> None:
+    m = pt.Mechanism("arm")
+    one = m.add_rod("one", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
+    two = m.add_rod("two", start=(1, 0, 0), end=(2, 0, 0), mass=1.0)
+    m.add_revolute("A", m.ground, one, point=(0, 0, 0))
+    m.add_revolute("B", one, two, point=(1, 0, 0))
+    m.add_torsion_spring("B", stiffness=30.0)
+    m.add_drive("A", position=0.3, name="hold")
+    path = m.equilibrium(along={"hold.position": [0.3, 0.8]})
+    for held, one_state in zip((0.3, 0.8), path.states, strict=True):
+        bend = one_state.position("B")
+        assert 30.0 * bend == pytest.approx(-0.5 * 9.81 * np.cos(held + bend), abs=1e-9)

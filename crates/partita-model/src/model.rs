@@ -300,7 +300,8 @@ impl Model {
         numbers: Numbers<f64>,
         moved: bool,
     ) -> Result<Self, DescriptionError> {
-        let (drives, functions) = (self.own.drives.clone(), self.own.callers.functions.clone());
+        let drives = drives(&spec, &placed, compile::row_count(&placed))?;
+        let functions = self.own.callers.functions.clone();
         let mut made = Self::made(spec, placed, numbers, drives, functions, self.coordinates)?;
         made.decide(self.geometry.clone());
         if moved {

@@ -42,6 +42,11 @@ impl<S: Scalar> Fields<S> {
         self.field(name).first().copied().unwrap_or_else(S::zero)
     }
 
+    /// The first number of the first field, if there is one.
+    pub fn first(&self) -> Option<S> {
+        self.0.first().and_then(|(_, x)| x.first().copied())
+    }
+
     /// The three numbers of a field.
     pub fn vector(&self, name: &str) -> Vec3<S> {
         let x = self.field(name);
@@ -81,6 +86,8 @@ pub struct Described<S> {
     pub rotors: Vec<Fields<S>>,
     /// Numbers of each force by field.
     pub forces: Vec<Fields<S>>,
+    /// Numbers of each drive by field.
+    pub drives: Vec<Fields<S>>,
 }
 
 impl<S: Scalar> Described<S> {
@@ -100,6 +107,7 @@ impl<S: Scalar> Described<S> {
             couplings: spec.couplings.iter().map(|c| Fields::lifted(c.clone().numbers())).collect(),
             rotors: spec.rotors.iter().map(|r| Fields::lifted(r.clone().numbers())).collect(),
             forces: spec.forces.iter().map(|f| Fields::lifted(f.clone().record_mut().numbers())).collect(),
+            drives: spec.drives.iter().map(|d| Fields::lifted(d.clone().numbers())).collect(),
         }
     }
 }
@@ -138,6 +146,8 @@ pub struct Numbers<S> {
     pub rotors: Vec<Fields<S>>,
     /// Numbers of the forces as described.
     pub forces: Vec<Fields<S>>,
+    /// Numbers of the drives as described.
+    pub drives: Vec<Fields<S>>,
 }
 
 impl<S: Scalar> Numbers<S> {
@@ -161,6 +171,7 @@ impl<S: Scalar> Numbers<S> {
             couplings: described.couplings,
             rotors: described.rotors,
             forces: described.forces,
+            drives: described.drives,
         };
         new.referred(placed)
     }
@@ -218,8 +229,8 @@ impl<S: Scalar> Numbers<S> {
             }
         }
         let gravity = basis.apply(given.gravity);
-        let Described { pitches, couplings, rotors, forces, .. } = given.clone();
-        Self { gravity, bodies, joints, links, reference: Vec::new(), pitches, couplings, rotors, forces }
+        let Described { pitches, couplings, rotors, forces, drives, .. } = given.clone();
+        Self { gravity, bodies, joints, links, reference: Vec::new(), pitches, couplings, rotors, forces, drives }
             .referred(placed)
     }
 

@@ -15,6 +15,7 @@
 //! COUPLER.factors  .offset                   one for each term, 1
 //! ROLLING.radius  .center  .point            1, 3, body axes
 //! ROTOR.inertia  .ratio                      1
+//! DRIVE.position  .velocity                  1: constants only
 //! ```
 
 use crate::coincident;
@@ -52,6 +53,8 @@ enum Slot {
     OfCoupling(usize, usize),
     /// A field of a rotor.
     OfRotor(usize, usize),
+    /// A field of a drive.
+    OfDrive(usize, usize),
 }
 
 impl Slot {
@@ -68,6 +71,7 @@ impl Slot {
             Self::Pitch(i) => std::slice::from_mut(&mut d.pitches[i]),
             Self::OfCoupling(i, k) => &mut d.couplings[i].0[k].1,
             Self::OfRotor(i, k) => &mut d.rotors[i].0[k].1,
+            Self::OfDrive(i, k) => &mut d.drives[i].0[k].1,
         }
     }
 
@@ -96,6 +100,11 @@ impl Slot {
         for (i, r) in spec.rotors.iter().enumerate() {
             let fields = r.clone().numbers().into_iter().map(|(field, _)| field).collect::<Vec<_>>();
             let named = |(k, field)| (format!("{}.{field}", r.name), Self::OfRotor(i, k));
+            all.extend(fields.into_iter().enumerate().map(named));
+        }
+        for (i, d) in spec.drives.iter().enumerate() {
+            let fields = d.clone().numbers().into_iter().map(|(field, _)| field).collect::<Vec<_>>();
+            let named = |(k, field)| (format!("{}.{field}", d.name), Self::OfDrive(i, k));
             all.extend(fields.into_iter().enumerate().map(named));
         }
         for (i, f) in spec.forces.iter().enumerate() {
@@ -171,6 +180,9 @@ fn rewritten(spec: &Spec, d: &Described<f64>) -> Spec {
     }
     for (r, n) in spec.rotors.iter_mut().zip(&d.rotors) {
         r.numbers().into_iter().zip(&n.0).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
+    }
+    for (drive, n) in spec.drives.iter_mut().zip(&d.drives) {
+        drive.numbers().into_iter().zip(&n.0).for_each(|((_, x), (_, new))| x.copy_from_slice(new));
     }
     for (f, n) in spec.forces.iter_mut().zip(&d.forces) {
         for ((_, own), (_, new)) in f.record_mut().numbers().into_iter().zip(&n.0) {

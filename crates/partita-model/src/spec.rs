@@ -436,6 +436,18 @@ impl Drive {
     pub fn new(name: impl Into<String>, measure: Measure, motion: Value, level: Level) -> Self {
         Self { name: name.into(), measure, motion, level, turning: None }
     }
+
+    /// Its number by the name of its field: a position or a rate that is the same at all times.
+    pub fn numbers(&mut self) -> Vec<(&'static str, &mut [f64])> {
+        let field = match self.level {
+            Level::Position => "position",
+            Level::Velocity => "velocity",
+        };
+        match (&self.turning, &mut self.motion) {
+            (None, Value::Constant(x)) => vec![(field, std::slice::from_mut(x))],
+            _ => Vec::new(),
+        }
+    }
 }
 
 /// An orientation over time: of the child relative to the parent, as given by the coordinates of the joint.

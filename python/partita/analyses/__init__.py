@@ -1,9 +1,11 @@
-"""Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `linearize`,
-`singularities`, `workspace`, `placement`."""
+"""Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `cycle`,
+`linearize`, `singularities`, `workspace`, `placement`."""
 
 from __future__ import annotations
 
 from ..results.joint import JointKinematics
+from .cycle import Cycle, CycleDerivative
+from .cycles import Bifurcation, CycleFamily
 from .equilibrium import Equilibrium
 from .family import BranchPoint, EquilibriumPath, Fold
 from .inverse import InverseDynamics
@@ -15,7 +17,11 @@ from .singularities import SingularCurve, Singularities
 from .workspace import Workspace
 
 __all__ = [
+    "Bifurcation",
     "BranchPoint",
+    "Cycle",
+    "CycleDerivative",
+    "CycleFamily",
     "DeadPoint",
     "Equilibrium",
     "EquilibriumPath",

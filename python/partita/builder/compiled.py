@@ -233,8 +233,8 @@ class CompiledModel(Equations):
         are constants. "BUSHING.stiffness" and ".damping" (36, row by row), ".point1", ".point2"; for friction, stops,
         contacts and tyres the numbers, named after the arguments, except exponents. "GEAR.ratio", "RACK.radius",
         "BELT.radius1", ".radius2", "DISTANCE.length", ".point1", ".point2", "SCREW.pitch", "ROLLING.radius", ".center",
-        ".point", and "COUPLER.factors", ".offset" of what was added by `add_coupler`; curves, tables and functions are
-        not parameters.
+        ".point", and "COUPLER.factors", ".offset" of what was added by `add_coupler`; "DRIVE.position" and
+        "DRIVE.velocity" of drives that are numbers; curves, tables and functions are not parameters.
         """
         return {name: x[0] if len(x) == 1 else x for name, x in self.core.parameters()}
 

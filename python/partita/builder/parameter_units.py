@@ -26,6 +26,9 @@ def parameter_unit(d: Description, name: str) -> SI:
     if owner in d.rotors:
         units = rotor_units(d, d.rotors[owner].joint, d.rotors[owner].coordinate)
         return units.get(word, "")
+    if (drive := d.drives.get(owner)) is not None and word in ("position", "velocity"):
+        unit = measure_unit(d, drive.measure)
+        return unit if word == "position" else f"{unit or '1'}/s"
     match d.forces.get(owner):
         case TorqueRecord(joint=joint, coordinate=i):
             return effort_of(d.joints[joint], i) if word == "value" else ""

@@ -15,6 +15,7 @@ from . import models, seen, solve
 from . import stepper as stepping
 from .assemblies import assemblies
 from .check import check
+from .cycle import cycle
 from .ensemble import ensemble
 from .equilibrium import equilibria, equilibrium
 from .exporting import export_c
@@ -100,6 +101,7 @@ class Mechanism(Modelled):
     equilibrium = equilibrium
     equilibria = equilibria
     preload = preload
+    cycle = cycle
     linearize = linearize
     singularities = singularities
     workspace = workspace
@@ -154,4 +156,4 @@ class Mechanism(Modelled):
         return save(self, path, options.yes_or_no("strict", strict))
 
 
-explain(Mechanism, "assemble", "assemble_many", "kinematics", "simulate", "stepper", "equilibrium", "linearize")
+explain(Mechanism, "assemble", "assemble_many", "kinematics", "simulate", "stepper", "equilibrium", "cycle", "linearize")

@@ -1,6 +1,6 @@
 //! The conditions of a description.
 
-use super::{order, wraps, Condition, ConditionRows, Contact, Law, Orientation, Rolling, Says};
+use super::{order, wraps, Condition, ConditionRows, Contact, Law, Orientation, Prescribed, Rolling, Says};
 use crate::error::DescriptionError;
 use crate::joint::{Follows, Own};
 use crate::measurement::{Maker, Measurement, Mover, Quantity};
@@ -39,10 +39,11 @@ pub(crate) fn all<G: Space>(
             Owner::Drive(i) => {
                 let d = &spec.drives[i];
                 let law = |law| Ok(Says::Law(law, vec![measurements.driven(d)?]));
+                let motion = || Prescribed::new(d, &numbers.drives[i]);
                 let says = match (&d.turning, d.level) {
                     (Some(turning), _) => orientation(turning, d, placed, &measurements)?,
-                    (None, Level::Position) => law(Law::Motion { motion: d.motion.clone(), period: group.period })?,
-                    (None, Level::Velocity) => law(Law::Rate(d.motion.clone()))?,
+                    (None, Level::Position) => law(Law::Motion { motion: motion(), period: group.period })?,
+                    (None, Level::Velocity) => law(Law::Rate(motion()))?,
                 };
                 (d.name.clone(), says)
             }

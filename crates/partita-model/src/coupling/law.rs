@@ -5,7 +5,8 @@
 //! ```
 
 use crate::measurement::Measurement;
-use crate::spec::{Table, Value};
+use crate::numbers::Fields;
+use crate::spec::{Drive, Table, Value};
 use crate::tree::{Tree, TreeScratch};
 use crate::value::{self, failed, finite, Abscissa, Callers, Functions, Instant};
 use partita_math::scalar::{Arguments, Scalar};
@@ -39,14 +40,37 @@ pub enum Law<S> {
     /// `r_0 = f(t)`.
     Motion {
         /// f.
-        motion: Value,
+        motion: Prescribed<S>,
         /// Period up to which r_0 is known.
         period: Option<f64>,
     },
     /// `r_0' = f(t)`: a condition on rates alone.
-    Rate(Value),
+    Rate(Prescribed<S>),
     /// A user-defined function.
     Function(usize),
+}
+
+/// What a drive prescribes over time: a number of it is a parameter.
+#[derive(Clone, Debug)]
+pub struct Prescribed<S> {
+    value: Value,
+    /// In place of its number.
+    given: Option<S>,
+}
+
+impl<S: Scalar> Prescribed<S> {
+    /// Of a drive with these numbers.
+    pub fn new(drive: &Drive, numbers: &Fields<S>) -> Self {
+        Self { value: drive.motion.clone(), given: numbers.first() }
+    }
+
+    /// Value, first and second derivative at t.
+    fn at(&self, callers: &Callers, t: S, what: &str, memory: &mut Vec<f64>) -> Result<[S; 3], SystemError> {
+        match self.given {
+            Some(x) => Ok([x, S::zero(), S::zero()]),
+            None => value::motion_at(&self.value, callers, t, what, memory),
+        }
+    }
 }
 
 /// A law at one position.
@@ -102,12 +126,12 @@ impl<S: Scalar> Law<S> {
                 (value::up_to(read(0) - y, period.map(S::from_f64)), o)
             }
             Self::Motion { motion, period } => {
-                let [p, u, _] = value::motion_at(motion, at.callers, at.t, name, memory)?;
+                let [p, u, _] = motion.at(at.callers, at.t, name, memory)?;
                 gradient[0] = one;
                 (value::up_to(read(0) - p, period.map(S::from_f64)), -u)
             }
             Self::Rate(motion) => {
-                let [p, _, _] = value::motion_at(motion, at.callers, at.t, name, memory)?;
+                let [p, _, _] = motion.at(at.callers, at.t, name, memory)?;
                 gradient[0] = one;
                 (o, -p)
             }
@@ -145,8 +169,8 @@ impl<S: Scalar> Law<S> {
                 let rate = readings[1].rate(tree, s, at.v);
                 Ok(bias(0) - slope * bias(1) - bend * rate * rate)
             }
-            Self::Motion { motion, .. } => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, memory)?[2]),
-            Self::Rate(motion) => Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, memory)?[1]),
+            Self::Motion { motion, .. } => Ok(bias(0) - motion.at(at.callers, at.t, name, memory)?[2]),
+            Self::Rate(motion) => Ok(bias(0) - motion.at(at.callers, at.t, name, memory)?[1]),
             Self::Function(k) => {
                 let (mut x, mut rates) = ([S::zero(); MOST], [S::zero(); MOST]);
                 for (i, reading) in readings.iter().enumerate() {
@@ -163,8 +187,8 @@ impl<S: Scalar> Law<S> {
     /// Whether it depends explicitly on time.
     pub fn is_rheonomic(&self) -> bool {
         match self {
-            Self::Motion { motion, .. } => !matches!(motion, Value::Constant(_)),
-            Self::Rate(motion) => !matches!(motion, Value::Constant(x) if *x == 0.0),
+            Self::Motion { motion, .. } => !matches!(motion.value, Value::Constant(_)),
+            Self::Rate(motion) => !matches!(motion.value, Value::Constant(x) if x == 0.0),
             Self::Function(_) => true,
             Self::Linear { .. } | Self::Curve { .. } => false,
         }
@@ -174,7 +198,7 @@ impl<S: Scalar> Law<S> {
     pub fn calls(&self, functions: &dyn Functions) -> bool {
         match self {
             Self::Motion { motion, .. } | Self::Rate(motion) => {
-                matches!(motion, Value::Function(i) if functions.given(*i).is_none())
+                matches!(motion.value, Value::Function(i) if functions.given(i).is_none())
             }
             Self::Function(_) => true,
             Self::Linear { .. } | Self::Curve { .. } => false,

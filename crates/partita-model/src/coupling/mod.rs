@@ -16,7 +16,7 @@ mod orientation;
 mod rolling;
 
 pub(crate) use build::all;
-pub use law::Law;
+pub use law::{Law, Prescribed};
 pub use order::{order, wraps, ConditionRows};
 pub use orientation::Orientation;
 pub use rolling::{Contact, Rolling};

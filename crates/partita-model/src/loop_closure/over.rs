@@ -82,9 +82,11 @@ impl LoopClosing<'_> {
             match &step.work {
                 Work::Drive(d, edge) => {
                     let drive = &e.drives[*d];
-                    let motion =
-                        value::motion_at(&drive.motion, &e.callers, t, &drive.name, &mut straight.scratch.memory);
-                    pose.x[*edge] = motion?[0];
+                    let memory = &mut straight.scratch.memory;
+                    pose.x[*edge] = match e.numbers.drives[drive.number].first() {
+                        Some(x) => x,
+                        None => value::motion_at(&drive.motion, &e.callers, t, &drive.name, memory)?[0],
+                    };
                     if let Some((i, _)) = drive.tree {
                         q[i] = pose.x[*edge];
                     }
