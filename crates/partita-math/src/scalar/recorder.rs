@@ -8,6 +8,7 @@
 
 mod c;
 mod counts;
+mod dependence;
 mod lean;
 mod lookup;
 mod module;
