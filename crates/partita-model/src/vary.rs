@@ -2,10 +2,12 @@
 
 use crate::evaluator::{Evaluator, Wide, TOGETHER};
 use crate::model::Model;
-use partita_math::scalar::{Dual, Scalar};
+use partita_math::elimination::Pattern;
+use partita_math::scalar::{Dual, Recorder, Recording, Scalar};
 use partita_system::prelude::*;
-use partita_system::system::{by_differences, At, Changes, Derivatives, Directions, Varied};
+use partita_system::system::{by_differences, At, Changes, Couplings, Derivatives, Directions, Varied};
 use partita_system::SystemError;
+use std::sync::Arc;
 
 /// Memory of an evaluation with derivatives.
 struct DerivativeScratch {
@@ -37,7 +39,64 @@ fn seeded(values: &[f64], changes: &[f64], first: usize, count: usize, out: &mut
     }
 }
 
+impl Model {
+    /// Where the derivatives of the equations may be nonzero, by a recording of them.
+    fn recorded_couplings(&self) -> Option<Couplings> {
+        let e = self.over::<Recorder>().ok()?;
+        let (size, n) = (self.size(), self.size().nv);
+        let (v, vdot) = (1 + size.nq, 1 + size.nq + n);
+        let inputs = vdot + n + size.rows;
+        let made = Recording::new(inputs, |x| {
+            let zeros = |n: usize| vec![Recorder::zero(); n];
+            let (mut phi, mut c, mut force) = (zeros(size.holonomic), zeros(self.pattern().nnz()), zeros(n));
+            let (mut rates, mut accelerations) = (zeros(size.rows), zeros(size.rows));
+            let mut s = e.scratch();
+            e.position(x[0], &x[1..v], &mut s, &mut phi, &mut c, &mut rates)?;
+            e.velocity(x[0], &x[1..v], &x[v..vdot], &mut s, &mut accelerations)?;
+            e.inverse_dynamics(x[0], &x[1..v], &x[v..vdot], &x[vdot..vdot + n], &mut s, &mut force)?;
+            for i in 0..size.rows {
+                for entry in self.pattern().row(i) {
+                    let (c, col) = (c[entry], self.pattern().col_idx[entry]);
+                    rates[i] += c * x[v + col];
+                    accelerations[i] += c * x[vdot + col];
+                    force[col] -= c * x[vdot + n + i];
+                }
+            }
+            Ok::<_, SystemError>([rates, accelerations, force].concat())
+        });
+        let made = made.ok()?;
+        let blank = || vec![Vec::new(); 2 * size.rows + n];
+        let (mut by_position, mut by_velocity) = (blank(), blank());
+        let mut marks = vec![0; inputs];
+        for first in (0..n).step_by(u64::BITS as usize) {
+            let marked = first..n.min(first + u64::BITS as usize);
+            for of_positions in [true, false] {
+                marks.fill(0);
+                for i in marked.clone() {
+                    let own = if of_positions { self.structure().coordinates_of(i) } else { v - 1 + i..v + i };
+                    own.for_each(|l| marks[1 + l] |= 1 << (i - first));
+                }
+                let rows = if of_positions { &mut by_position } else { &mut by_velocity };
+                for (row, found) in rows.iter_mut().zip(made.dependences(&marks)) {
+                    row.extend(marked.clone().filter(|i| found >> (i - first) & 1 == 1));
+                }
+            }
+        }
+        let (m, pattern) = (size.rows, |rows: &[Vec<usize>]| Pattern::from_rows(n, rows));
+        Some(Couplings::new([
+            pattern(&by_position[..m]),
+            pattern(&by_position[m..2 * m]),
+            pattern(&by_velocity[m..2 * m]),
+            pattern(&by_position[2 * m..]),
+            pattern(&by_velocity[2 * m..]),
+        ]))
+    }
+}
+
 impl Varied for Model {
+    fn couplings(&self) -> Option<Arc<Couplings>> {
+        self.couplings.get_or_init(|| self.recorded_couplings().map(Arc::new)).clone()
+    }
     fn vary(&self, at: &At, along: &Directions, out: &mut Changes) -> Result<Derivatives, SystemError> {
         let Some(e) = self.with_derivatives() else {
             return by_differences(self, at, along, out);

@@ -6,10 +6,11 @@
 
 use super::Motion;
 use crate::error::Result;
-use crate::linear_rates::{Along, LinearRates, Rows};
+use crate::linear_rates::{Along, LinearRates, Route, Rows};
 use crate::positions::Positions;
 use crate::reduction::Reduction;
-use crate::system::{At, Changes, ConstrainedSystem, Directions};
+use crate::sparse_rates::{SparsePlan, SparseRates};
+use crate::system::{At, Changes, ConstrainedSystem, Couplings, Directions};
 use crate::tangent::Tangent;
 use partita_math::dense::{self, Matrix};
 
@@ -54,6 +55,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     fn by_variations(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<()> {
         let (p, w) = self.offsets();
+        if self.without_matrix(t, y, out)? {
+            return Ok(());
+        }
         if !self.tangent.seen().by_clusters() && self.tangent.seen().columns() == self.k {
             self.derivative_of_levels(t, y)?;
             return vary(self.tangent.reduction(), (t, self.positions.q()), (p, y.len()), out);
@@ -70,10 +74,156 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         vary(&mut full, (t, q), (p, y.len()), out)
     }
 
+    /// As the entries of sparse equations; false where a matrix costs less, or the system does not know its couplings.
+    fn without_matrix(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<bool> {
+        let r = self.tangent.seen();
+        let (n, k, rank) = (r.size().nv, r.k(), r.rank());
+        let counted = out.route == Route::Counted;
+        if out.route == Route::Dense || counted && cost_of_matrix(n, k) <= least_cost(n, rank) {
+            return Ok(false);
+        }
+        let system = r.system.clone();
+        let Some(couplings) = system.couplings() else { return Ok(false) };
+        let partition = &r.planned.partition;
+        let chosen = (&partition.rows[..], &partition.dependent[..], &partition.independent[..]);
+        let known = out.sparse.as_ref().is_some_and(|x| x.plan().is_for(chosen));
+        if known && counted && out.sparse.as_ref().is_some_and(|x| x.costs_more) {
+            return Ok(false);
+        }
+        if !known {
+            let structure = system.structure();
+            let own = |i: usize| structure.coordinates_of(i);
+            let turning = |i: usize| match own(i).len() {
+                1 => Vec::new(),
+                _ => (0..n).filter(|&j| own(j) == own(i)).collect(),
+            };
+            let patterns = (system.mass_pattern(), system.pattern().clone());
+            let plan = SparsePlan::new(couplings.clone(), patterns, chosen, (0..n).map(turning).collect());
+            out.sparse = Some(Box::new(SparseRates::new(plan.into())));
+        }
+        self.derivative_of_levels(t, y)?;
+        let (p, _) = self.offsets();
+        let r = self.tangent.reduction();
+        differentiate(r, (t, &y[..p]), &couplings, out)?;
+        let Some(sparse) = &mut out.sparse else { return Ok(false) };
+        if counted && !known {
+            let directions = couplings.directions();
+            let cost = sparse.multiplications().map(|m| cost_of_sparse(n, directions, m));
+            sparse.costs_more = cost.is_none_or(|cost| cost >= cost_of_matrix(n, k));
+        }
+        Ok(!(counted && sparse.costs_more))
+    }
+
     /// All levels at (t, y), without their rates.
     fn derivative_of_levels(&mut self, t: f64, y: &[f64]) -> Result<()> {
         self.levels(t, y, false)
     }
+}
+
+/// Multiplications by which one velocity is differentiated along one direction. Scale: number. Reason: measured; those of
+/// dense factors, which need no index, take as long.
+const DIFFERENTIATED: usize = 60;
+/// Factorisations for each linearisation. Scale: number. Reason: the length of steps changes more often than the matrix.
+const FACTORED: usize = 3;
+/// Multiplications with a real and with a complex number. Scale: number. Reason: one and four.
+const OF_BOTH: usize = 5;
+/// Multiplications of sparse factors for each unknown, and directions, of which there are not fewer. Scale: number. Reason: a body
+/// has six neighbours in its equations at least; the directions are those of a body with its own.
+const LEAST_FILL: usize = 20;
+/// Directions, of which there are not fewer. Scale: number. Reason: positions and velocities of two bodies in the plane.
+const LEAST_DIRECTIONS: usize = 12;
+
+/// Multiplications of a linearisation and its factors by a matrix of all degrees of freedom.
+fn cost_of_matrix(n: usize, k: usize) -> usize {
+    3 * DIFFERENTIATED * n * (n + k) + 2 * n * n * k + FACTORED * OF_BOTH * k * k * k / 3
+}
+
+/// The same without one.
+fn cost_of_sparse(n: usize, directions: usize, multiplications: usize) -> usize {
+    DIFFERENTIATED * n * directions + FACTORED * OF_BOTH * multiplications
+}
+
+/// What that costs at least.
+fn least_cost(n: usize, rank: usize) -> usize {
+    cost_of_sparse(n, LEAST_DIRECTIONS, LEAST_FILL * (n + 3 * rank))
+}
+
+/// The derivatives of the equations at the point to which r belongs, entry by entry, and how x is selected and lifted.
+fn differentiate<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    (t, q): (f64, &[f64]),
+    couplings: &Couplings,
+    out: &mut LinearRates,
+) -> Result<()> {
+    let (n, rows, nq) = (r.size().nv, r.size().rows, q.len());
+    let (mut vdot, mut multipliers) = (vec![0.0; n], vec![0.0; rows]);
+    r.full_acceleration(&mut vdot);
+    r.multipliers(t, q, &vdot, &mut multipliers)?;
+    out.begin_sparse();
+    let (Some(sparse), Along::Sparse { rates, select, beside }) = (&mut out.sparse, &mut out.along) else {
+        return Ok(());
+    };
+    let plan = sparse.plan().clone();
+    let x = sparse.values();
+    x.mass.resize(r.system.mass_pattern().nnz(), 0.0);
+    let mut h = vec![0.0; n];
+    r.system.sparse_dynamics(t, q, &r.at.v, &mut r.scratch, &mut x.mass, &mut h)?;
+    x.c.clear();
+    x.c.extend_from_slice(&r.at.c);
+    let (system, structure) = (&*r.system, r.system.structure());
+    let count = couplings.directions();
+    x.changes.fit(rows, n, count);
+    let mut directions = vec![0.0; 3 * count * n];
+    let (dq, rest) = directions.split_at_mut(count * n);
+    let (dv, dvdot) = rest.split_at_mut(count * n);
+    for j in 0..n {
+        dq[couplings.position_groups[j] * n + j] = 1.0;
+        dv[couplings.velocity_groups[j] * n + j] = 1.0;
+    }
+    let at = At { t, q, v: &r.at.v, vdot: &vdot, multipliers: &multipliers };
+    out.derivatives = system.vary(&at, &Directions { count, q: dq, v: dv, vdot: dvdot }, &mut x.changes)?;
+    // N and N⁺, whose columns and rows are perpendicular where a rotation in space has three
+    let place = |i: usize| plan.turning()[i].iter().position(|&j| j == i).unwrap_or(0);
+    let most = (0..n).map(place).max().unwrap_or(0);
+    let mut columns: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n];
+    let (mut unit, mut column, mut moved) = (vec![0.0; n], vec![0.0; nq], vec![0.0; nq]);
+    let (mut before, mut after) = (vec![0.0; nq], vec![0.0; nq]);
+    system.rate(q, &r.at.v, &mut before);
+    x.turning.resize(n, Vec::new());
+    x.turning.iter_mut().zip(plan.turning()).for_each(|(w, of)| w.resize(of.len(), 0.0));
+    for which in 0..=most {
+        (0..n).for_each(|i| unit[i] = f64::from(u8::from(place(i) == which)));
+        system.rate(q, &unit, &mut column);
+        for i in (0..n).filter(|&i| place(i) == which) {
+            columns[i].extend(structure.coordinates_of(i).map(|l| (l, column[l])));
+        }
+    }
+    let inverse = |i: usize| {
+        let square: f64 = columns[i].iter().map(|e| e.1 * e.1).sum();
+        columns[i].iter().map(move |&(l, x)| (l, x / square))
+    };
+    for which in 0..=most {
+        // N is linear in q
+        let turned = |i: usize| place(i) == which && !plan.turning()[i].is_empty();
+        (0..n).for_each(|i| unit[i] = f64::from(u8::from(turned(i))));
+        system.rate(q, &unit, &mut column);
+        moved.iter_mut().zip(q.iter().zip(&column)).for_each(|(to, (q, d))| *to = q + d);
+        system.rate(&moved, &r.at.v, &mut after);
+        for i in (0..n).filter(|&i| !plan.turning()[i].is_empty()) {
+            x.turning[i][which] = inverse(i).map(|(l, x)| x * (after[l] - before[l])).sum();
+        }
+    }
+    let mut by_coordinate: Vec<Vec<(usize, f64)>> = vec![Vec::new(); nq];
+    (0..n).for_each(|i| columns[i].iter().for_each(|&(l, x)| by_coordinate[l].push((i, x))));
+    [&mut *rates, &mut *select, &mut *beside].into_iter().for_each(Rows::clear);
+    by_coordinate.into_iter().for_each(|row| rates.push(row.into_iter()));
+    let partition = &r.planned.partition;
+    partition.independent.iter().for_each(|&i| select.push(inverse(i)));
+    (0..partition.independent.len()).for_each(|i| select.push(std::iter::once((nq + i, 1.0))));
+    partition.dependent.iter().for_each(|&i| beside.push(inverse(i)));
+    let closing = r.closing();
+    sparse.settle(closing);
+    Ok(())
 }
 
 /// (V1-V3) at the point to which r belongs. Of the `dim` components of y p are coordinates.
