@@ -27,11 +27,12 @@ use crate::validate;
 use crate::value::{Abscissa, Callers, Functions};
 use crate::zero_position::{Coordinates, Placed};
 use partita_math::elimination::Pattern;
+use crate::vary::Expanded;
 use partita_math::scalar::Scalar;
 use partita_math::spatial::{Space, Spatial};
 use partita_math::tolerance;
 use partita_system::compiled::CompiledChoices;
-use partita_system::system::{Couplings, Size, Structure};
+use partita_system::system::{Size, Structure};
 use partita_system::SystemError;
 use std::collections::HashSet;
 use std::f64::consts::PI;
@@ -65,8 +66,8 @@ pub struct Model {
     geometry: Arc<Geometry>,
     /// The equations with derivatives, made on first use; none where `f64` alone can solve for frictions.
     pub(crate) varied: OnceLock<Option<Evaluator<Wide>>>,
-    /// Where their derivatives may be nonzero, found on first use; none where they cannot be recorded.
-    pub(crate) couplings: OnceLock<Option<Arc<Couplings>>>,
+    /// The equations with sparse derivatives, made on first use; none where they cannot be recorded.
+    pub(crate) expanded: OnceLock<Option<Box<Expanded>>>,
     /// Memory for the next evaluations.
     spare: Arc<Spare>,
     /// The mechanism itself, where its drives were replaced by actuators.
@@ -402,7 +403,7 @@ impl Model {
             preference: Preference::default(),
             geometry: Arc::default(),
             varied: OnceLock::new(),
-            couplings: OnceLock::new(),
+            expanded: OnceLock::new(),
             spare: Arc::default(),
             mechanism: None,
             permanent: None,

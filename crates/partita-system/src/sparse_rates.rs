@@ -1,20 +1,18 @@
 //! Rates changed to first order without a matrix of all degrees of freedom: for mechanisms with many of them.
 //!
 //! ```text
-//! (μ − A) (z, u) = (b, c)   in all displacements x, changes of velocities y = (μ − W) x − b − β, of accelerations
-//!                           w = μ y − c − γ and of multipliers ν; β and γ zero on I, b and c zero on D
+//! (μ − A) (z, u) = (b, c)   in displacements x of all coordinates, multipliers ν, and results p that lie between (V1-V3):
 //!
-//! C x                                                          = 0                              (V1)
-//! (R_q − C W) x − C β                                          = C b                            (V2)
-//! (S_q − μ R_q + S_v (μ − W)) x − S_v β − C γ                  = C c + S_v b                    (V3)
-//! (μ² M + μ (r_v − M W) + r_q − r_v W) x − (μ M + r_v) β − M γ − Cᵀ ν = (μ M + r_v) b + M c
+//! C x = 0
+//! f_q (x + e) + f_v y + f_w w + f_ν ν + f_p p = 0     of f = C v + a, C v' + b, M v' − h − Cᵀ λ;   = p of results between
+//!
+//! y = (μ − W) x − b − β,   w = μ y − c − γ            β and γ zero on I, b and c zero on D
 //! ```
 //!
-//! R = C v + a, s = C v' + b and r = M v' − h − Cᵀ λ couple bodies that have a joint or a force in common, and no others: the
-//! matrix has as many entries as there are bodies, and so have its factors where bodies form chains. W x are the changes of the
-//! rates of displacements with the displacements, of spatial rotations alone.
+//! The derivatives are those of neighbours in the mechanism: the matrix has as many entries as there are bodies, and so have its
+//! factors where bodies form chains. e are displacements that no loop allows. W x are the changes of the rates of displacements
+//! with the displacements, of spatial rotations alone.
 
-use crate::system::{Changes, Couplings};
 use partita_math::dense::Complex;
 use partita_math::elimination::{LuFactors, LuOrder, Number, Pattern, Plan};
 use std::sync::Arc;
@@ -26,17 +24,31 @@ const NONE: usize = usize::MAX;
 /// Reason: stiff motions and soft ones both count there.
 const FIRST_SHIFT: f64 = 1e-3;
 
+/// What a row of the derivatives is of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Column {
+    Displacement(usize),
+    Velocity(usize),
+    Acceleration(usize),
+    Multiplier(usize),
+    Between(usize),
+}
+
 /// What the choice of rows and coordinates determines.
 #[derive(Debug)]
 pub struct SparsePlan {
-    couplings: Arc<Couplings>,
-    mass: Pattern,
+    /// Of the derivatives.
+    expanded: Pattern,
     c: Pattern,
+    /// Number of velocities, and of results between.
+    n: usize,
+    between: usize,
     /// Rows kept, and coordinates.
     rows: Vec<usize>,
     dependent: Vec<usize>,
     independent: Vec<usize>,
-    /// Index of each velocity among the dependent ones.
+    /// Index of each row among the rows kept, and of each velocity among the dependent ones.
+    kept: Vec<usize>,
     index: Vec<usize>,
     /// Velocities with which the rates of the displacement of each change.
     turning: Vec<Vec<usize>>,
@@ -48,12 +60,10 @@ pub struct SparsePlan {
 /// What the equations are at a point.
 #[derive(Debug, Default)]
 pub struct SparseValues {
-    /// Entries of M.
-    pub mass: Vec<f64>,
+    /// Entries of the derivatives.
+    pub expanded: Vec<f64>,
     /// Entries of C.
     pub c: Vec<f64>,
-    /// Changes of the equations along the groups of the couplings.
-    pub changes: Changes,
     /// Entries of W, velocity by velocity in the order of [`SparsePlan::turning`].
     pub turning: Vec<Vec<f64>>,
 }
@@ -78,20 +88,25 @@ pub struct SparseRates {
 impl SparsePlan {
     /// For these rows and coordinates; `turning` tells with which velocities the rates of the displacement of each change.
     pub fn new(
-        couplings: Arc<Couplings>,
-        (mass, c): (Pattern, Pattern),
+        (expanded, c): (Pattern, Pattern),
         (rows, dependent, independent): (&[usize], &[usize], &[usize]),
         turning: Vec<Vec<usize>>,
     ) -> Self {
-        let mut index = vec![NONE; mass.rows];
-        dependent.iter().enumerate().for_each(|(i, &j)| index[j] = i);
+        let (n, all) = (c.cols, c.rows);
+        let numbered = |count: usize, of: &[usize]| {
+            let mut out = vec![NONE; count];
+            of.iter().enumerate().for_each(|(i, &j)| out[j] = i);
+            out
+        };
         let mut new = Self {
-            index,
+            between: expanded.cols - 3 * n - all,
+            n,
+            kept: numbered(all, rows),
+            index: numbered(n, dependent),
             rows: rows.to_vec(),
             dependent: dependent.to_vec(),
             independent: independent.to_vec(),
-            couplings,
-            mass,
+            expanded,
             c,
             turning,
             pattern: Pattern::default(),
@@ -99,19 +114,12 @@ impl SparsePlan {
         };
         let mut met: Vec<(usize, usize)> = Vec::new();
         new.terms(&SparseValues::default(), |i, j, _| met.push((i, j)));
-        let size = new.size();
-        let mut columns = vec![Vec::new(); size];
-        met.iter().for_each(|&(i, j)| columns[i].push(j));
-        columns.iter_mut().for_each(|row| {
-            row.sort_unstable();
-            row.dedup();
-        });
-        new.pattern = Pattern::from_rows(size, &columns);
-        let entry = |(i, j): (usize, usize)| {
+        new.pattern = pattern_of(new.size(), &met);
+        let entry = |&(i, j): &(usize, usize)| {
             let row = new.pattern.row(i);
-            row.start + new.pattern.col_idx[row].partition_point(|&col| col < j)
+            (row.start + new.pattern.col_idx[row].partition_point(|&col| col < j)) as u32
         };
-        new.targets = met.iter().map(|&e| entry(e) as u32).collect();
+        new.targets = met.iter().map(entry).collect();
         new
     }
 
@@ -127,95 +135,106 @@ impl SparsePlan {
 
     /// Number of unknowns.
     fn size(&self) -> usize {
-        self.mass.rows + 3 * self.rows.len()
+        self.n + 3 * self.rows.len() + self.between
+    }
+
+    /// The equation of each row of the derivatives, of [`size`](Self::size); none of a row that is not kept.
+    fn equations(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let (n, r, all) = (self.n, self.rows.len(), self.c.rows);
+        let row = move |i: usize| match i.checked_sub(self.between) {
+            None => Some((i, n + 3 * r + i)),
+            Some(f) if f < all => Some((i, n + r + self.kept[f])).filter(|_| self.kept[f] != NONE),
+            Some(f) if f < 2 * all => Some((i, n + 2 * r + self.kept[f - all])).filter(|_| self.kept[f - all] != NONE),
+            Some(f) => Some((i, f - 2 * all)),
+        };
+        (0..self.expanded.rows).filter_map(row)
+    }
+
+    fn column(&self, j: usize) -> Column {
+        let (n, all) = (self.n, self.c.rows);
+        match j / n.max(1) {
+            0 => Column::Displacement(j),
+            1 => Column::Velocity(j - n),
+            2 => Column::Acceleration(j - 2 * n),
+            _ if j < 3 * n + all => Column::Multiplier(j - 3 * n),
+            _ => Column::Between(j - 3 * n - all),
+        }
     }
 
     /// Each term of the matrix: row, column, factors of 1, μ and μ². Values that are missing are zero.
     fn terms(&self, x: &SparseValues, mut put: impl FnMut(usize, usize, [f64; 3])) {
-        let (n, r, of) = (self.mass.rows, self.rows.len(), &self.couplings);
-        let (closed, rates, accelerations) = (n, n + r, n + 2 * r);
+        let (n, r) = (self.n, self.rows.len());
+        let (closed, rates, accelerations, between) = (n, n + r, n + 2 * r, n + 3 * r);
         let at = |values: &[f64], e: usize| values.get(e).copied().unwrap_or(0.0);
-        let turning = |j: usize, l: usize| x.turning.get(j).map_or(0.0, |w| w[l]);
-        for i in 0..n {
-            for e in self.mass.row(i) {
-                let (j, m) = (self.mass.col_idx[e], at(&x.mass, e));
-                put(i, j, [0.0, 0.0, m]);
-                self.turning[j].iter().enumerate().for_each(|(l, &to)| put(i, to, [0.0, -m * turning(j, l), 0.0]));
-                if self.index[j] != NONE {
-                    put(i, rates + self.index[j], [0.0, -m, 0.0]);
-                    put(i, accelerations + self.index[j], [-m, 0.0, 0.0]);
+        for (row, i) in self.equations() {
+            if i >= between {
+                put(i, i, [-1.0, 0.0, 0.0]);
+            }
+            for e in self.expanded.row(row) {
+                let f = at(&x.expanded, e);
+                // by y and w, which follow from x, β and γ
+                let (j, by_velocity) = match self.column(self.expanded.col_idx[e]) {
+                    Column::Displacement(j) => {
+                        put(i, j, [f, 0.0, 0.0]);
+                        continue;
+                    }
+                    Column::Multiplier(row) => {
+                        if self.kept[row] != NONE {
+                            put(i, closed + self.kept[row], [f, 0.0, 0.0]);
+                        }
+                        continue;
+                    }
+                    Column::Between(p) => {
+                        put(i, between + p, [f, 0.0, 0.0]);
+                        continue;
+                    }
+                    Column::Velocity(j) => (j, true),
+                    Column::Acceleration(j) => (j, false),
+                };
+                let times = |f: f64| if by_velocity { [f, 0.0, 0.0] } else { [0.0, f, 0.0] };
+                put(i, j, if by_velocity { [0.0, f, 0.0] } else { [0.0, 0.0, f] });
+                for (l, &to) in self.turning[j].iter().enumerate() {
+                    put(i, to, times(-f * x.turning.get(j).map_or(0.0, |w| w[l])));
                 }
-            }
-            for e in of.forces_by_position.row(i) {
-                let j = of.forces_by_position.col_idx[e];
-                put(i, j, [at(&x.changes.forces, of.position_groups[j] * n + i), 0.0, 0.0]);
-            }
-            for e in of.forces_by_velocity.row(i) {
-                let j = of.forces_by_velocity.col_idx[e];
-                let d = at(&x.changes.forces, of.velocity_groups[j] * n + i);
-                put(i, j, [0.0, d, 0.0]);
-                self.turning[j].iter().enumerate().for_each(|(l, &to)| put(i, to, [-d * turning(j, l), 0.0, 0.0]));
                 if self.index[j] != NONE {
-                    put(i, rates + self.index[j], [-d, 0.0, 0.0]);
+                    put(i, rates + self.index[j], times(-f));
+                    if !by_velocity {
+                        put(i, accelerations + self.index[j], [-f, 0.0, 0.0]);
+                    }
                 }
             }
         }
         for (a, &row) in self.rows.iter().enumerate() {
-            let all = self.c.rows;
-            for e in self.c.row(row) {
-                let (j, c) = (self.c.col_idx[e], at(&x.c, e));
-                put(j, closed + a, [-c, 0.0, 0.0]);
-                put(closed + a, j, [c, 0.0, 0.0]);
-                let turned = self.turning[j].iter().enumerate();
-                turned.for_each(|(l, &to)| put(rates + a, to, [-c * turning(j, l), 0.0, 0.0]));
-                if self.index[j] != NONE {
-                    put(rates + a, rates + self.index[j], [-c, 0.0, 0.0]);
-                    put(accelerations + a, accelerations + self.index[j], [-c, 0.0, 0.0]);
-                }
-            }
-            for e in of.rates_by_position.row(row) {
-                let j = of.rates_by_position.col_idx[e];
-                let d = at(&x.changes.rates, of.position_groups[j] * all + row);
-                put(rates + a, j, [d, 0.0, 0.0]);
-                put(accelerations + a, j, [0.0, -d, 0.0]);
-            }
-            for e in of.accelerations_by_position.row(row) {
-                let j = of.accelerations_by_position.col_idx[e];
-                let d = at(&x.changes.accelerations, of.position_groups[j] * all + row);
-                put(accelerations + a, j, [d, 0.0, 0.0]);
-            }
-            for e in of.accelerations_by_velocity.row(row) {
-                let j = of.accelerations_by_velocity.col_idx[e];
-                let d = at(&x.changes.accelerations, of.velocity_groups[j] * all + row);
-                put(accelerations + a, j, [0.0, d, 0.0]);
-                let turned = self.turning[j].iter().enumerate();
-                turned.for_each(|(l, &to)| put(accelerations + a, to, [-d * turning(j, l), 0.0, 0.0]));
-                if self.index[j] != NONE {
-                    put(accelerations + a, rates + self.index[j], [-d, 0.0, 0.0]);
-                }
-            }
+            self.c.row(row).for_each(|e| put(closed + a, self.c.col_idx[e], [at(&x.c, e), 0.0, 0.0]));
         }
     }
 }
 
-/// Σ of the entries of a row, as they are given, times x.
-fn row_times<T: Number>(pattern: &Pattern, i: usize, value: impl Fn(usize, usize) -> f64, x: &[T]) -> T {
-    pattern.row(i).fold(T::default(), |sum, e| {
-        let j = pattern.col_idx[e];
-        sum.plus(x[j].scaled(value(e, j)))
-    })
+/// A square pattern with these entries, columns ascending.
+fn pattern_of(size: usize, entries: &[(usize, usize)]) -> Pattern {
+    let mut columns = vec![Vec::new(); size];
+    entries.iter().for_each(|&(i, j)| columns[i].push(j));
+    columns.iter_mut().for_each(|row| {
+        row.sort_unstable();
+        row.dedup();
+    });
+    Pattern::from_rows(size, &columns)
 }
 
 impl SparseRates {
     /// With this plan, still without values.
     pub fn new(plan: Arc<SparsePlan>) -> Self {
         Self {
-            values: SparseValues::default(),
+            values: SparseValues {
+                expanded: vec![0.0; plan.expanded.nnz()],
+                c: vec![0.0; plan.c.nnz()],
+                turning: plan.turning.iter().map(|of| vec![0.0; of.len()]).collect(),
+            },
             closing: None,
             parts: vec![[0.0; 3]; plan.pattern.nnz()],
             order: None,
             costs_more: false,
-            displaced: vec![0.0; plan.mass.rows],
+            displaced: vec![0.0; plan.n],
             work: Vec::with_capacity(plan.rows.len()),
             plan,
         }
@@ -272,16 +291,6 @@ impl SparseRates {
         self.order.as_ref().map(|order| order.multiplications())
     }
 
-    /// x_D = −C_D⁻¹ (C_I x_I + s) of rows s, where x_D is still anything; `work` grows once.
-    fn close(&self, x: &mut [f64], s: impl Fn(usize) -> f64, work: &mut Vec<f64>) {
-        let (p, Some((plan, factors))) = (&*self.plan, &self.closing) else { return };
-        p.dependent.iter().for_each(|&i| x[i] = 0.0);
-        work.clear();
-        work.extend(p.rows.iter().map(|&row| -s(row) - row_times(&p.c, row, |e, _| self.values.c[e], x)));
-        plan.solve(factors, work, 1);
-        p.dependent.iter().zip(&*work).for_each(|(&i, s)| x[i] = *s);
-    }
-
     /// Displacements of all coordinates with those of the independent ones, z: `Dᵀ z`.                    (V1)
     pub fn displace(&mut self, z: &[f64]) -> &[f64] {
         let (mut x, mut work) = (std::mem::take(&mut self.displaced), std::mem::take(&mut self.work));
@@ -291,8 +300,15 @@ impl SparseRates {
     }
 
     fn displaced_by(&self, z: &[f64], x: &mut [f64], work: &mut Vec<f64>) {
-        self.plan.independent.iter().zip(z).for_each(|(&i, z)| x[i] = *z);
-        self.close(x, |_| 0.0, work);
+        let p = &*self.plan;
+        p.independent.iter().zip(z).for_each(|(&i, z)| x[i] = *z);
+        let Some((plan, factors)) = &self.closing else { return };
+        p.dependent.iter().for_each(|&i| x[i] = 0.0);
+        work.clear();
+        let moved = |row: usize| p.c.row(row).map(|e| self.values.c[e] * x[p.c.col_idx[e]]).sum::<f64>();
+        work.extend(p.rows.iter().map(|&row| -moved(row)));
+        plan.solve(factors, work, 1);
+        p.dependent.iter().zip(&*work).for_each(|(&i, s)| x[i] = *s);
     }
 
     /// (W x)_i.
@@ -301,118 +317,90 @@ impl SparseRates {
         own.fold(T::default(), |sum, (&l, w)| sum.plus(x[l].scaled(*w)))
     }
 
-    /// Changes of the equations of row i along x, by positions or by velocities.
-    fn along<T: Number>(&self, (pattern, groups): (&Pattern, &[usize]), of: &[f64], i: usize, x: &[T]) -> T {
-        row_times(pattern, i, |_, j| of[groups[j] * pattern.rows + i], x)
-    }
-
     /// The right sides for (b, c) on I, and displacements e on D that no loop allows; b on return with W e.
     fn right_sides<T: Number>(&self, mu: T, memory: &mut Memory<T>) {
-        let (p, x, of) = (&*self.plan, &self.values, &*self.plan.couplings);
-        let (n, r) = (p.mass.rows, p.rows.len());
+        let p = &*self.plan;
         let Memory { b, c, e, x: out } = memory;
         p.independent.iter().for_each(|&i| b[i] = b[i].plus(self.turned(i, e)));
-        let by_position = |p: &Pattern, x: &[f64], i: usize| self.along((p, &of.position_groups), x, i, e);
-        let by_velocity = |p: &Pattern, x: &[f64], i: usize| self.along((p, &of.velocity_groups), x, i, b);
-        let opposite = |x: T| x.scaled(-1.0);
-        for i in 0..n {
-            let mass = |x: &[T]| row_times(&p.mass, i, |e, _| self.values.mass[e], x);
-            out[i] = mass(b).times(mu).plus(by_velocity(&of.forces_by_velocity, &x.changes.forces, i)).plus(mass(c));
-            out[i] = out[i].plus(opposite(by_position(&of.forces_by_position, &x.changes.forces, i)));
-        }
-        for (a, &row) in p.rows.iter().enumerate() {
-            let closing = |y: &[T]| row_times(&p.c, row, |e, _| x.c[e], y);
-            let rate = by_position(&of.rates_by_position, &x.changes.rates, row);
-            out[n + a] = T::default();
-            out[n + r + a] = closing(b).plus(opposite(rate));
-            out[n + 2 * r + a] = closing(c)
-                .plus(by_velocity(&of.accelerations_by_velocity, &x.changes.accelerations, row))
-                .plus(opposite(by_position(&of.accelerations_by_position, &x.changes.accelerations, row)))
-                .plus(rate.times(mu));
-        }
-    }
-
-    /// z' and u' of (z, u), into `out` (both of [`count`](Self::count) numbers), with factors of the saddle matrix.
-    fn product(&self, saddle: &mut Saddle, zu: &[f64], out: &mut [f64]) {
-        let (p, v, of) = (&*self.plan, &self.values, &*self.plan.couplings);
-        let (n, k) = (p.mass.rows, p.independent.len());
-        let Saddle { x, y, work, side, .. } = saddle;
-        self.displaced_by(&zu[..k], x, work);
-        p.independent.iter().zip(&zu[k..]).for_each(|(&i, u)| y[i] = *u);
-        let positions = |p: &Pattern, of_x: &[f64], i: usize, x: &[f64]| {
-            self.along((p, &of.position_groups), of_x, i, x)
-        };
-        let velocities = |p: &Pattern, of_y: &[f64], i: usize, y: &[f64]| {
-            self.along((p, &of.velocity_groups), of_y, i, y)
-        };
-        self.close(y, |row| positions(&of.rates_by_position, &v.changes.rates, row, x), work); // (V2)
-        for i in 0..n {
-            side[i] = -positions(&of.forces_by_position, &v.changes.forces, i, x)
-                - velocities(&of.forces_by_velocity, &v.changes.forces, i, y);
-        }
-        for (a, &row) in p.rows.iter().enumerate() {
-            side[n + a] = -positions(&of.accelerations_by_position, &v.changes.accelerations, row, x)
-                - velocities(&of.accelerations_by_velocity, &v.changes.accelerations, row, y);
-        }
-        saddle.factors.solve(&saddle.order, side); // (V3)
-        for (a, &i) in p.independent.iter().enumerate() {
-            (out[a], out[k + a]) = (y[i] + self.turned(i, x), side[i]);
-        }
-    }
-
-    /// Factors with which rates themselves are changed to first order; none where M and C determine no accelerations.
-    fn saddle(&self) -> Option<Saddle> {
-        let (p, v) = (&*self.plan, &self.values);
-        let (n, r) = (p.mass.rows, p.rows.len());
-        let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n + r];
-        for i in 0..n {
-            rows[i].extend(p.mass.row(i).map(|e| (p.mass.col_idx[e], v.mass[e])));
-        }
-        for (a, &row) in p.rows.iter().enumerate() {
-            for e in p.c.row(row) {
-                let (j, c) = (p.c.col_idx[e], v.c[e]);
-                rows[j].push((n + a, -c));
-                rows[n + a].push((j, c));
+        out.fill(T::default());
+        for (row, i) in p.equations() {
+            let mut sum = T::default();
+            for entry in p.expanded.row(row) {
+                let f = self.values.expanded[entry];
+                let term = match p.column(p.expanded.col_idx[entry]) {
+                    Column::Displacement(j) => e[j].scaled(-1.0),
+                    Column::Velocity(j) => b[j],
+                    Column::Acceleration(j) => b[j].times(mu).plus(c[j]),
+                    Column::Multiplier(_) | Column::Between(_) => continue,
+                };
+                sum = sum.plus(term.scaled(f));
             }
+            out[i] = sum;
         }
-        let values: Vec<f64> = rows.iter().flatten().map(|e| e.1).collect();
-        let columns: Vec<Vec<usize>> = rows.into_iter().map(|row| row.into_iter().map(|e| e.0).collect()).collect();
-        let pattern = Pattern::from_rows(n + r, &columns);
+    }
+
+    /// The function x ↦ A x; none where M and C determine no accelerations.
+    pub fn products(&self) -> Option<impl FnMut(&[f64], &mut [f64]) + '_> {
+        let p = &*self.plan;
+        let (n, r, k) = (p.n, p.rows.len(), p.independent.len());
+        // unknown are accelerations, multipliers, dependent changes of velocities, and what lies between
+        let unknown = |j: usize| match p.column(j) {
+            Column::Displacement(_) => NONE,
+            Column::Velocity(j) if p.index[j] == NONE => NONE,
+            Column::Velocity(j) => n + r + p.index[j],
+            Column::Acceleration(j) => j,
+            Column::Multiplier(row) if p.kept[row] == NONE => NONE,
+            Column::Multiplier(row) => n + p.kept[row],
+            Column::Between(p) => n + 2 * r + p,
+        };
+        // of the equations those of closed displacements are left out
+        let equation = move |i: usize| if i < n { i } else { i - r };
+        let mut entries: Vec<(usize, usize, f64)> = Vec::new();
+        for (row, i) in p.equations() {
+            if i >= n + 3 * r {
+                entries.push((equation(i), equation(i), -1.0));
+            }
+            let own = p.expanded.row(row).map(|e| (equation(i), unknown(p.expanded.col_idx[e]), self.values.expanded[e]));
+            entries.extend(own.filter(|e| e.1 != NONE));
+        }
+        entries.sort_unstable_by_key(|e| (e.0, e.1));
+        let pattern = pattern_of(n + 2 * r + p.between, &entries.iter().map(|e| (e.0, e.1)).collect::<Vec<_>>());
+        let values: Vec<f64> = entries.iter().map(|e| e.2).collect();
         let order = LuOrder::new(&pattern, &values).ok()?;
         let mut factors = LuFactors::default();
         factors.factor(&pattern, &order, &values).ok()?;
-        let zeros = |n: usize| vec![0.0; n];
-        Some(Saddle { order, factors, x: zeros(n), y: zeros(n), work: Vec::new(), side: zeros(n + r) })
+        let (mut x, mut y, mut side, mut work) = (vec![0.0; n], vec![0.0; n], vec![0.0; pattern.rows], Vec::new());
+        Some(move |zu: &[f64], out: &mut [f64]| {
+            self.displaced_by(&zu[..k], &mut x, &mut work);
+            p.independent.iter().zip(&zu[k..]).for_each(|(&i, u)| y[i] = *u);
+            p.dependent.iter().for_each(|&i| y[i] = 0.0);
+            for (row, i) in p.equations() {
+                let given = |e: usize| match p.column(p.expanded.col_idx[e]) {
+                    Column::Displacement(j) => self.values.expanded[e] * x[j],
+                    Column::Velocity(j) => self.values.expanded[e] * y[j],
+                    _ => 0.0,
+                };
+                side[equation(i)] = -p.expanded.row(row).map(given).sum::<f64>();
+            }
+            factors.solve(&order, &mut side);
+            for (a, &i) in p.independent.iter().enumerate() {
+                (out[a], out[k + a]) = (y[i] + self.turned(i, &x), side[i]);
+            }
+        })
     }
 
     /// A in full, column by column: for comparisons.
     pub fn in_full(&self) -> Option<Vec<f64>> {
-        let (mut saddle, m) = (self.saddle()?, self.count());
+        let (mut product, m) = (self.products()?, self.count());
         let (mut x, mut column, mut out) = (vec![0.0; m], vec![0.0; m], vec![0.0; m * m]);
         for j in 0..m {
             x[j] = 1.0;
-            self.product(&mut saddle, &x, &mut column);
+            product(&x, &mut column);
             x[j] = 0.0;
             (0..m).for_each(|i| out[i * m + j] = column[i]);
         }
         Some(out)
     }
-
-    /// The function x ↦ A x; none where M and C determine no accelerations.
-    pub fn products(&self) -> Option<impl FnMut(&[f64], &mut [f64]) + '_> {
-        let mut saddle = self.saddle()?;
-        Some(move |x: &[f64], out: &mut [f64]| self.product(&mut saddle, x, out))
-    }
-}
-
-/// Factors of the saddle matrix of accelerations and multipliers, and memory of products.
-struct Saddle {
-    order: LuOrder,
-    factors: LuFactors<f64>,
-    x: Vec<f64>,
-    y: Vec<f64>,
-    work: Vec<f64>,
-    side: Vec<f64>,
 }
 
 /// Right sides and solutions of all unknowns.
@@ -447,7 +435,7 @@ impl<T: Number> ShiftedFactors<T> {
     /// A singular matrix, or one that is not finite.
     pub fn factor(&mut self, of: &SparseRates, mu: T) -> Result<(), Unfactored> {
         let plan = &*of.plan;
-        let (n, size) = (plan.mass.rows, plan.size());
+        let (n, size) = (plan.n, plan.size());
         let Memory { b, c, e, x } = &mut self.memory;
         [b, c, e].into_iter().for_each(|x| x.resize(n, T::default()));
         x.resize(size, T::default());

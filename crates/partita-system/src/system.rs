@@ -10,7 +10,7 @@ use partita_math::dense;
 use std::ops::Deref;
 use std::sync::Arc;
 pub use structure::{Finite, Structure};
-pub use varied::{by_differences, At, Changes, Couplings, Derivatives, Directions, Varied};
+pub use varied::{by_differences, At, Changes, Derivatives, Directions, Varied};
 
 /// Sizes of a system.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

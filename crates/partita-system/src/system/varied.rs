@@ -2,7 +2,6 @@
 
 use super::{Manifold, SystemError};
 use partita_math::elimination::Pattern;
-use std::sync::Arc;
 
 /// How derivatives were computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,91 +58,23 @@ impl Changes {
         let zeros = |n: usize| vec![0.0; n * count];
         Self { rates: zeros(rows), accelerations: zeros(rows), forces: zeros(nv) }
     }
-
-    /// The same in this memory.
-    pub fn fit(&mut self, rows: usize, nv: usize, count: usize) {
-        self.rates.resize(rows * count, 0.0);
-        self.accelerations.resize(rows * count, 0.0);
-        self.forces.resize(nv * count, 0.0);
-    }
-}
-
-/// Where the derivatives of the equations may be nonzero, at all times and states.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Couplings {
-    /// Of C v + a by displacements (rows x nv).
-    pub rates_by_position: Pattern,
-    /// Of s by displacements (rows x nv).
-    pub accelerations_by_position: Pattern,
-    /// Of s by velocities (rows x nv).
-    pub accelerations_by_velocity: Pattern,
-    /// Of r by displacements (nv x nv).
-    pub forces_by_position: Pattern,
-    /// Of r by velocities (nv x nv).
-    pub forces_by_velocity: Pattern,
-    /// Group of each displacement: those of a group have no equation in common, so that one direction differentiates by all.
-    pub position_groups: Vec<usize>,
-    /// Group of each velocity, likewise, counted on from the groups of displacements.
-    pub velocity_groups: Vec<usize>,
-}
-
-impl Couplings {
-    /// With these patterns, in the order of the fields; groups as few as one after another gives.
-    pub fn new([rates, by_position, by_velocity, forces, resistances]: [Pattern; 5]) -> Self {
-        let position_groups = groups(&[&rates, &by_position, &forces]);
-        let first = position_groups.iter().max().map_or(0, |last| last + 1);
-        let velocity_groups = groups(&[&by_velocity, &resistances]).into_iter().map(|group| first + group).collect();
-        Self {
-            rates_by_position: rates,
-            accelerations_by_position: by_position,
-            accelerations_by_velocity: by_velocity,
-            forces_by_position: forces,
-            forces_by_velocity: resistances,
-            position_groups,
-            velocity_groups,
-        }
-    }
-
-    /// Directions that differentiate by all displacements and velocities.
-    pub fn directions(&self) -> usize {
-        self.velocity_groups.iter().max().map_or(0, |last| last + 1)
-    }
-}
-
-/// Columns of matrices on top of each other, grouped so that no row has entries in two columns of a group.
-fn groups(patterns: &[&Pattern]) -> Vec<usize> {
-    let columns = patterns.first().map_or(0, |p| p.cols);
-    let mut rows_of: Vec<Vec<(usize, usize)>> = vec![Vec::new(); columns];
-    for (p, pattern) in patterns.iter().enumerate() {
-        for i in 0..pattern.rows {
-            pattern.row(i).for_each(|e| rows_of[pattern.col_idx[e]].push((p, i)));
-        }
-    }
-    let (mut of, mut beside) = (vec![usize::MAX; columns], Vec::new());
-    for j in 0..columns {
-        // the groups of columns with a row of this one
-        for &(p, i) in &rows_of[j] {
-            for e in patterns[p].row(i) {
-                let group = of[patterns[p].col_idx[e]];
-                if group != usize::MAX {
-                    if group >= beside.len() {
-                        beside.resize(group + 1, usize::MAX);
-                    }
-                    beside[group] = j;
-                }
-            }
-        }
-        of[j] = beside.iter().position(|last| *last != j).unwrap_or(beside.len());
-    }
-    of
 }
 
 /// A system that differentiates its equations.
 pub trait Varied: Manifold {
-    /// Where the derivatives of the equations may be nonzero; none where that is not known, or is no less than everywhere.
-    fn couplings(&self) -> Option<Arc<Couplings>> {
+    /// Where the derivatives of the equations are not zero, by way of results that lie between; none where that is not known.
+    ///
+    /// Rows: these results, C v + a, s (rows each) and r (nv). Columns: displacements, v, v' (nv each), λ (rows), and these
+    /// results again.
+    fn expanded(&self) -> Option<&Pattern> {
         None
     }
+    /// Multiplications of [`expand`](Self::expand).
+    fn expansion_cost(&self) -> usize {
+        0
+    }
+    /// These derivatives, entry by entry of the pattern; exact ones. Nothing is written without one.
+    fn expand(&self, _at: &At, _out: &mut [f64]) {}
     /// Changes of the equations along directions; by differences unless the system can do better.
     ///
     /// # Errors
@@ -244,29 +175,4 @@ pub fn by_differences<S: Varied + ?Sized>(
         }
     }
     Ok(Derivatives::Differences)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn columns_of_a_group_share_no_row_and_groups_do_not_grow_with_a_chain() {
-        let band = |n: usize| {
-            let near = |i: usize| (i.saturating_sub(1)..(i + 2).min(n)).collect::<Vec<_>>();
-            Pattern::from_rows(n, &(0..n).map(near).collect::<Vec<_>>())
-        };
-        for n in [1, 2, 10, 100] {
-            let empty = Pattern::from_rows(n, &[]);
-            let of = Couplings::new([empty.clone(), empty.clone(), empty, band(n), band(n)]);
-            assert_eq!(of.directions(), 2 * n.min(3));
-            for i in 0..n {
-                let mut met: Vec<usize> = band(n).row(i).map(|e| of.position_groups[band(n).col_idx[e]]).collect();
-                let count = met.len();
-                met.sort_unstable();
-                met.dedup();
-                assert_eq!(met.len(), count);
-            }
-        }
-    }
 }

@@ -10,7 +10,7 @@ use crate::linear_rates::{Along, LinearRates, Route, Rows};
 use crate::positions::Positions;
 use crate::reduction::Reduction;
 use crate::sparse_rates::{SparsePlan, SparseRates};
-use crate::system::{At, Changes, ConstrainedSystem, Couplings, Directions};
+use crate::system::{At, Changes, ConstrainedSystem, Derivatives, Directions};
 use crate::tangent::Tangent;
 use partita_math::dense::{self, Matrix};
 
@@ -83,7 +83,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
             return Ok(false);
         }
         let system = r.system.clone();
-        let Some(couplings) = system.couplings() else { return Ok(false) };
+        let Some(expanded) = system.expanded() else { return Ok(false) };
         let partition = &r.planned.partition;
         let chosen = (&partition.rows[..], &partition.dependent[..], &partition.independent[..]);
         let known = out.sparse.as_ref().is_some_and(|x| x.plan().is_for(chosen));
@@ -97,18 +97,17 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
                 1 => Vec::new(),
                 _ => (0..n).filter(|&j| own(j) == own(i)).collect(),
             };
-            let patterns = (system.mass_pattern(), system.pattern().clone());
-            let plan = SparsePlan::new(couplings.clone(), patterns, chosen, (0..n).map(turning).collect());
+            let patterns = (expanded.clone(), system.pattern().clone());
+            let plan = SparsePlan::new(patterns, chosen, (0..n).map(turning).collect());
             out.sparse = Some(Box::new(SparseRates::new(plan.into())));
         }
         self.derivative_of_levels(t, y)?;
         let (p, _) = self.offsets();
         let r = self.tangent.reduction();
-        differentiate(r, (t, &y[..p]), &couplings, out)?;
+        differentiate(r, (t, &y[..p]), out)?;
         let Some(sparse) = &mut out.sparse else { return Ok(false) };
         if counted && !known {
-            let directions = couplings.directions();
-            let cost = sparse.multiplications().map(|m| cost_of_sparse(n, directions, m));
+            let cost = sparse.multiplications().map(|m| cost_of_sparse(system.expansion_cost(), m));
             sparse.costs_more = cost.is_none_or(|cost| cost >= cost_of_matrix(n, k));
         }
         Ok(!(counted && sparse.costs_more))
@@ -127,11 +126,14 @@ const DIFFERENTIATED: usize = 60;
 const FACTORED: usize = 3;
 /// Multiplications with a real and with a complex number. Scale: number. Reason: one and four.
 const OF_BOTH: usize = 5;
-/// Multiplications of sparse factors for each unknown, and directions, of which there are not fewer. Scale: number. Reason: a body
-/// has six neighbours in its equations at least; the directions are those of a body with its own.
+/// What sparse derivatives take, over their multiplications. Unit: ratio. Reason: measured, with the values and the indices.
+const OF_EXPANSION: usize = 4;
+/// Multiplications of sparse factors for each unknown, of which there are not fewer. Scale: number. Reason: a body has six
+/// neighbours in its equations at least.
 const LEAST_FILL: usize = 20;
-/// Directions, of which there are not fewer. Scale: number. Reason: positions and velocities of two bodies in the plane.
-const LEAST_DIRECTIONS: usize = 12;
+/// Multiplications of sparse derivatives for each velocity, of which there are not fewer. Scale: number. Reason: those of a body
+/// alone with a joint.
+const LEAST_EXPANSION: usize = 500;
 
 /// Multiplications of a linearisation and its factors by a matrix of all degrees of freedom.
 fn cost_of_matrix(n: usize, k: usize) -> usize {
@@ -139,20 +141,19 @@ fn cost_of_matrix(n: usize, k: usize) -> usize {
 }
 
 /// The same without one.
-fn cost_of_sparse(n: usize, directions: usize, multiplications: usize) -> usize {
-    DIFFERENTIATED * n * directions + FACTORED * OF_BOTH * multiplications
+fn cost_of_sparse(expansion: usize, multiplications: usize) -> usize {
+    OF_EXPANSION * expansion + FACTORED * OF_BOTH * multiplications
 }
 
 /// What that costs at least.
 fn least_cost(n: usize, rank: usize) -> usize {
-    cost_of_sparse(n, LEAST_DIRECTIONS, LEAST_FILL * (n + 3 * rank))
+    cost_of_sparse(LEAST_EXPANSION * n, LEAST_FILL * (n + 3 * rank))
 }
 
 /// The derivatives of the equations at the point to which r belongs, entry by entry, and how x is selected and lifted.
 fn differentiate<S: ConstrainedSystem>(
     r: &mut Reduction<S>,
     (t, q): (f64, &[f64]),
-    couplings: &Couplings,
     out: &mut LinearRates,
 ) -> Result<()> {
     let (n, rows, nq) = (r.size().nv, r.size().rows, q.len());
@@ -165,23 +166,11 @@ fn differentiate<S: ConstrainedSystem>(
     };
     let plan = sparse.plan().clone();
     let x = sparse.values();
-    x.mass.resize(r.system.mass_pattern().nnz(), 0.0);
-    let mut h = vec![0.0; n];
-    r.system.sparse_dynamics(t, q, &r.at.v, &mut r.scratch, &mut x.mass, &mut h)?;
-    x.c.clear();
-    x.c.extend_from_slice(&r.at.c);
+    x.c.copy_from_slice(&r.at.c);
     let (system, structure) = (&*r.system, r.system.structure());
-    let count = couplings.directions();
-    x.changes.fit(rows, n, count);
-    let mut directions = vec![0.0; 3 * count * n];
-    let (dq, rest) = directions.split_at_mut(count * n);
-    let (dv, dvdot) = rest.split_at_mut(count * n);
-    for j in 0..n {
-        dq[couplings.position_groups[j] * n + j] = 1.0;
-        dv[couplings.velocity_groups[j] * n + j] = 1.0;
-    }
     let at = At { t, q, v: &r.at.v, vdot: &vdot, multipliers: &multipliers };
-    out.derivatives = system.vary(&at, &Directions { count, q: dq, v: dv, vdot: dvdot }, &mut x.changes)?;
+    system.expand(&at, &mut x.expanded);
+    out.derivatives = Derivatives::Exact;
     // N and N⁺, whose columns and rows are perpendicular where a rotation in space has three
     let place = |i: usize| plan.turning()[i].iter().position(|&j| j == i).unwrap_or(0);
     let most = (0..n).map(place).max().unwrap_or(0);
@@ -189,8 +178,6 @@ fn differentiate<S: ConstrainedSystem>(
     let (mut unit, mut column, mut moved) = (vec![0.0; n], vec![0.0; nq], vec![0.0; nq]);
     let (mut before, mut after) = (vec![0.0; nq], vec![0.0; nq]);
     system.rate(q, &r.at.v, &mut before);
-    x.turning.resize(n, Vec::new());
-    x.turning.iter_mut().zip(plan.turning()).for_each(|(w, of)| w.resize(of.len(), 0.0));
     for which in 0..=most {
         (0..n).for_each(|i| unit[i] = f64::from(u8::from(place(i) == which)));
         system.rate(q, &unit, &mut column);
