@@ -40,8 +40,8 @@ fn seeded(values: &[f64], changes: &[f64], first: usize, count: usize, out: &mut
 }
 
 /// Numbers that a result may depend on before it is one of its own. Scale: number. Reason: positions and velocities of two bodies
-/// in the plane and a few more; measured on chains, where half and twice as many take longer.
-const DEPENDENT_ON: usize = 24;
+/// in the plane; measured on chains, which take longer with half and with twice as many.
+const DEPENDENT_ON: usize = 12;
 
 /// The equations as a recording with its derivatives, and memory of evaluations.
 pub(crate) struct Expanded {

@@ -174,8 +174,7 @@ impl LinearRates {
         (self.count, self.second_order, self.evaluations) = (count, true, 0);
         self.a.clear();
         if !matches!(self.along, Along::Sparse { .. }) {
-            self.along =
-                Along::Sparse { rates: Rows::default(), select: Rows::default(), beside: Rows::default() };
+            self.along = Along::Sparse { rates: Rows::default(), select: Rows::default(), beside: Rows::default() };
         }
     }
 

@@ -13,6 +13,7 @@
 //! factors where bodies form chains. e are displacements that no loop allows. W x are the changes of the rates of displacements
 //! with the displacements, of spatial rotations alone.
 
+use crate::system::Size;
 use partita_math::dense::Complex;
 use partita_math::elimination::{LuFactors, LuOrder, Number, Pattern, Plan};
 use std::sync::Arc;
@@ -83,6 +84,34 @@ pub struct SparseRates {
     /// Displacements, and memory of their closing.
     displaced: Vec<f64>,
     work: Vec<f64>,
+    pub(crate) memory: PointMemory,
+}
+
+/// Memory of what is computed at a point.
+#[derive(Debug, Default)]
+pub(crate) struct PointMemory {
+    pub vdot: Vec<f64>,
+    pub multipliers: Vec<f64>,
+    /// Columns of N, and its rows.
+    pub columns: Vec<Vec<(usize, f64)>>,
+    pub by_coordinate: Vec<Vec<(usize, f64)>>,
+    pub unit: Vec<f64>,
+    pub column: Vec<f64>,
+    pub moved: Vec<f64>,
+    pub before: Vec<f64>,
+    pub after: Vec<f64>,
+}
+
+impl PointMemory {
+    /// For a system of this size.
+    pub fn fit(&mut self, size: Size) {
+        [&mut self.vdot, &mut self.unit].into_iter().for_each(|x| x.resize(size.nv, 0.0));
+        self.multipliers.resize(size.rows, 0.0);
+        self.columns.resize(size.nv, Vec::new());
+        self.by_coordinate.resize(size.nq, Vec::new());
+        let coordinates = [&mut self.column, &mut self.moved, &mut self.before, &mut self.after];
+        coordinates.into_iter().for_each(|x| x.resize(size.nq, 0.0));
+    }
 }
 
 impl SparsePlan {
@@ -236,6 +265,7 @@ impl SparseRates {
             costs_more: false,
             displaced: vec![0.0; plan.n],
             work: Vec::with_capacity(plan.rows.len()),
+            memory: PointMemory::default(),
             plan,
         }
     }
@@ -360,7 +390,8 @@ impl SparseRates {
             if i >= n + 3 * r {
                 entries.push((equation(i), equation(i), -1.0));
             }
-            let own = p.expanded.row(row).map(|e| (equation(i), unknown(p.expanded.col_idx[e]), self.values.expanded[e]));
+            let own =
+                p.expanded.row(row).map(|e| (equation(i), unknown(p.expanded.col_idx[e]), self.values.expanded[e]));
             entries.extend(own.filter(|e| e.1 != NONE));
         }
         entries.sort_unstable_by_key(|e| (e.0, e.1));
@@ -441,9 +472,7 @@ impl<T: Number> ShiftedFactors<T> {
         x.resize(size, T::default());
         self.mu = mu;
         self.values.clear();
-        let value = |[a, b, c]: &[f64; 3]| {
-            T::real(*a).plus(mu.times(T::real(*b).plus(mu.scaled(*c))))
-        };
+        let value = |[a, b, c]: &[f64; 3]| T::real(*a).plus(mu.times(T::real(*b).plus(mu.scaled(*c))));
         self.values.extend(of.parts.iter().map(value));
         if self.order.as_ref().is_none_or(|(_, plan)| !Arc::ptr_eq(plan, &of.plan)) {
             self.order = of.order.clone().map(|order| (order, of.plan.clone()));

@@ -313,9 +313,8 @@ mod tests {
     }
 
     fn product<T: Number>(pattern: &Pattern, values: &[T], x: &[T]) -> Vec<T> {
-        let row = |i: usize| {
-            pattern.row(i).fold(T::default(), |sum, e| sum.plus(values[e].times(x[pattern.col_idx[e]])))
-        };
+        let row =
+            |i: usize| pattern.row(i).fold(T::default(), |sum, e| sum.plus(values[e].times(x[pattern.col_idx[e]])));
         (0..pattern.rows).map(row).collect()
     }
 

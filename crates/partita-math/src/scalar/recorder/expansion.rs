@@ -217,7 +217,8 @@ impl Expansion {
             }
         }
         let own = rows.len();
-        let given = |x: &u32| Given { start: supports[*x as usize].start, count: supports[*x as usize].of.len() as u32 };
+        let given =
+            |x: &u32| Given { start: supports[*x as usize].start, count: supports[*x as usize].of.len() as u32 };
         let outputs = recording.outputs.iter().map(given).collect();
         rows.extend(recording.outputs.iter().map(|&x| supports[x as usize].of.iter().map(|&v| v as usize).collect()));
         let pattern = Pattern::from_rows(variables + own, &rows);
@@ -297,7 +298,8 @@ mod tests {
             let (s, c) = angle.sin_cos();
             end = [end[0] + c.scale(0.7), end[1] + s * S::from_f64(0.7)];
             force += (end[0] * end[0] + end[1] * end[1]).sqrt().over_or_zero(q) - end[0].hypot(end[1]).power(1.5);
-            force += end[0].max(end[1]) * q.abs() - end[1].atan2(end[0]).min(c) + q.where_positive(s, c / (q + S::one()));
+            force +=
+                end[0].max(end[1]) * q.abs() - end[1].atan2(end[0]).min(c) + q.where_positive(s, c / (q + S::one()));
             out.push(force * (-q).round() + end[0] - S::zero() * s);
         }
         out.extend([end[0], force, x[0], S::from_f64(2.0)]);

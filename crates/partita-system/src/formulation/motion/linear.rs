@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::linear_rates::{Along, LinearRates, Route, Rows};
 use crate::positions::Positions;
 use crate::reduction::Reduction;
-use crate::sparse_rates::{SparsePlan, SparseRates};
+use crate::sparse_rates::{PointMemory, SparsePlan, SparseRates};
 use crate::system::{At, Changes, ConstrainedSystem, Derivatives, Directions};
 use crate::tangent::Tangent;
 use partita_math::dense::{self, Matrix};
@@ -119,21 +119,22 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
     }
 }
 
-/// Multiplications by which one velocity is differentiated along one direction. Scale: number. Reason: measured; those of
-/// dense factors, which need no index, take as long.
+/// Multiplications by which one velocity is differentiated along one direction. Scale: number. Reason: measured, those of
+/// dense factors as the unit.
 const DIFFERENTIATED: usize = 60;
 /// Factorisations for each linearisation. Scale: number. Reason: the length of steps changes more often than the matrix.
 const FACTORED: usize = 3;
 /// Multiplications with a real and with a complex number. Scale: number. Reason: one and four.
 const OF_BOTH: usize = 5;
-/// What sparse derivatives take, over their multiplications. Unit: ratio. Reason: measured, with the values and the indices.
-const OF_EXPANSION: usize = 4;
-/// Multiplications of sparse factors for each unknown, of which there are not fewer. Scale: number. Reason: a body has six
-/// neighbours in its equations at least.
-const LEAST_FILL: usize = 20;
-/// Multiplications of sparse derivatives for each velocity, of which there are not fewer. Scale: number. Reason: those of a body
-/// alone with a joint.
-const LEAST_EXPANSION: usize = 500;
+/// What sparse derivatives take over their multiplications. Scale: ratio. Reason: measured, with values, indices, and a share of
+/// the recording.
+const OF_EXPANSION: usize = 8;
+/// Multiplications of sparse factors for each unknown, of which there are hardly fewer. Scale: number. Reason: those of four-bars
+/// side by side.
+const LEAST_FILL: usize = 9;
+/// Multiplications of sparse derivatives for each velocity, of which there are hardly fewer. Scale: number. Reason: those of a
+/// chain of pendulums in absolute coordinates.
+const LEAST_EXPANSION: usize = 90;
 
 /// Multiplications of a linearisation and its factors by a matrix of all degrees of freedom.
 fn cost_of_matrix(n: usize, k: usize) -> usize {
@@ -156,60 +157,60 @@ fn differentiate<S: ConstrainedSystem>(
     (t, q): (f64, &[f64]),
     out: &mut LinearRates,
 ) -> Result<()> {
-    let (n, rows, nq) = (r.size().nv, r.size().rows, q.len());
-    let (mut vdot, mut multipliers) = (vec![0.0; n], vec![0.0; rows]);
-    r.full_acceleration(&mut vdot);
-    r.multipliers(t, q, &vdot, &mut multipliers)?;
     out.begin_sparse();
     let (Some(sparse), Along::Sparse { rates, select, beside }) = (&mut out.sparse, &mut out.along) else {
         return Ok(());
     };
+    let mut memory = std::mem::take(&mut sparse.memory);
+    memory.fit(r.size());
+    let PointMemory { vdot, multipliers, columns, by_coordinate, unit, column, moved, before, after } = &mut memory;
+    r.full_acceleration(vdot);
+    r.multipliers(t, q, vdot, multipliers)?;
     let plan = sparse.plan().clone();
     let x = sparse.values();
     x.c.copy_from_slice(&r.at.c);
     let (system, structure) = (&*r.system, r.system.structure());
-    let at = At { t, q, v: &r.at.v, vdot: &vdot, multipliers: &multipliers };
-    system.expand(&at, &mut x.expanded);
+    system.expand(&At { t, q, v: &r.at.v, vdot, multipliers }, &mut x.expanded);
     out.derivatives = Derivatives::Exact;
     // N and N⁺, whose columns and rows are perpendicular where a rotation in space has three
+    let n = r.size().nv;
     let place = |i: usize| plan.turning()[i].iter().position(|&j| j == i).unwrap_or(0);
     let most = (0..n).map(place).max().unwrap_or(0);
-    let mut columns: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n];
-    let (mut unit, mut column, mut moved) = (vec![0.0; n], vec![0.0; nq], vec![0.0; nq]);
-    let (mut before, mut after) = (vec![0.0; nq], vec![0.0; nq]);
-    system.rate(q, &r.at.v, &mut before);
     for which in 0..=most {
         (0..n).for_each(|i| unit[i] = f64::from(u8::from(place(i) == which)));
-        system.rate(q, &unit, &mut column);
+        system.rate(q, unit, column);
         for i in (0..n).filter(|&i| place(i) == which) {
+            columns[i].clear();
             columns[i].extend(structure.coordinates_of(i).map(|l| (l, column[l])));
         }
     }
+    let columns = &*columns;
     let inverse = |i: usize| {
         let square: f64 = columns[i].iter().map(|e| e.1 * e.1).sum();
         columns[i].iter().map(move |&(l, x)| (l, x / square))
     };
-    for which in 0..=most {
+    let turns = |i: usize| !plan.turning()[i].is_empty();
+    system.rate(q, &r.at.v, before);
+    for which in (0..=most).filter(|_| most > 0) {
         // N is linear in q
-        let turned = |i: usize| place(i) == which && !plan.turning()[i].is_empty();
-        (0..n).for_each(|i| unit[i] = f64::from(u8::from(turned(i))));
-        system.rate(q, &unit, &mut column);
-        moved.iter_mut().zip(q.iter().zip(&column)).for_each(|(to, (q, d))| *to = q + d);
-        system.rate(&moved, &r.at.v, &mut after);
-        for i in (0..n).filter(|&i| !plan.turning()[i].is_empty()) {
+        (0..n).for_each(|i| unit[i] = f64::from(u8::from(place(i) == which && turns(i))));
+        system.rate(q, unit, column);
+        moved.iter_mut().zip(q.iter().zip(&*column)).for_each(|(to, (q, d))| *to = q + d);
+        system.rate(moved, &r.at.v, after);
+        for i in (0..n).filter(|&i| turns(i)) {
             x.turning[i][which] = inverse(i).map(|(l, x)| x * (after[l] - before[l])).sum();
         }
     }
-    let mut by_coordinate: Vec<Vec<(usize, f64)>> = vec![Vec::new(); nq];
+    by_coordinate.iter_mut().for_each(Vec::clear);
     (0..n).for_each(|i| columns[i].iter().for_each(|&(l, x)| by_coordinate[l].push((i, x))));
     [&mut *rates, &mut *select, &mut *beside].into_iter().for_each(Rows::clear);
-    by_coordinate.into_iter().for_each(|row| rates.push(row.into_iter()));
+    by_coordinate.iter().for_each(|row| rates.push(row.iter().copied()));
     let partition = &r.planned.partition;
     partition.independent.iter().for_each(|&i| select.push(inverse(i)));
-    (0..partition.independent.len()).for_each(|i| select.push(std::iter::once((nq + i, 1.0))));
+    (0..partition.independent.len()).for_each(|i| select.push(std::iter::once((q.len() + i, 1.0))));
     partition.dependent.iter().for_each(|&i| beside.push(inverse(i)));
-    let closing = r.closing();
-    sparse.settle(closing);
+    sparse.settle(r.closing());
+    sparse.memory = memory;
     Ok(())
 }
 
