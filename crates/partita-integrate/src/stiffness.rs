@@ -52,8 +52,19 @@ fn norm(x: &[f64]) -> f64 {
 enum Scaled<'a> {
     /// Formed, and its factors.
     Dense { a: Vec<f64>, factors: Vec<f64>, order: Vec<usize> },
-    /// Not formed: its product, the equations and their factors.
-    Sparse { times: Box<Product<'a>>, of: &'a SparseRates, factors: RealShift, tau: f64, all: Vec<f64>, put: Vec<f64> },
+    /// Not formed.
+    Sparse(Box<Unformed<'a>>),
+}
+
+/// Sparse equations in place of A, and their factors.
+struct Unformed<'a> {
+    of: &'a SparseRates,
+    times: Box<Product<'a>>,
+    factors: RealShift,
+    tau: f64,
+    /// x, with displacements that no loop allows, and A x.
+    x: Vec<f64>,
+    product: Vec<f64>,
 }
 
 /// x ↦ A x.
@@ -65,8 +76,8 @@ impl<'a> Scaled<'a> {
         if let Some(of) = linear.unformed() {
             let mut factors = RealShift::default();
             factors.factor(of, 1.0 / tau).ok()?;
-            let times = Box::new(of.products()?);
-            return Some(Self::Sparse { times, of, factors, tau, all: vec![0.0; linear.width()], put: vec![0.0; n] });
+            let (times, x, product) = (Box::new(of.products()?), vec![0.0; linear.width()], vec![0.0; n]);
+            return Some(Self::Sparse(Box::new(Unformed { of, times, factors, tau, x, product })));
         }
         let mut a = linear.a.clone();
         a.iter_mut().enumerate().for_each(|(e, x)| *x *= own[e % n] / own[e / n]);
@@ -81,10 +92,10 @@ impl<'a> Scaled<'a> {
     fn times(&mut self, own: &[f64], x: &[f64]) -> Vec<f64> {
         match self {
             Self::Dense { a, .. } => a.chunks_exact(x.len().max(1)).map(|row| dot(row, x)).collect(),
-            Self::Sparse { times, all, put, .. } => {
-                all.iter_mut().zip(x.iter().zip(own)).for_each(|(to, (x, s))| *to = x * s);
-                times(&all[..x.len()], put);
-                put.iter().zip(own).map(|(x, s)| x / s).collect()
+            Self::Sparse(a) => {
+                a.x.iter_mut().zip(x.iter().zip(own)).for_each(|(to, (x, s))| *to = x * s);
+                (a.times)(&a.x[..x.len()], &mut a.product);
+                a.product.iter().zip(own).map(|(x, s)| x / s).collect()
             }
         }
     }
@@ -93,11 +104,11 @@ impl<'a> Scaled<'a> {
     fn solve(&mut self, own: &[f64], x: &mut [f64]) {
         match self {
             Self::Dense { factors, order, .. } => lu_solve(factors, x.len(), order, x),
-            Self::Sparse { of, factors, tau, all, .. } => {
-                all.fill(0.0);
-                all.iter_mut().zip(x.iter().zip(own)).for_each(|(to, (x, s))| *to = x * s / *tau);
-                factors.solve(of, all);
-                x.iter_mut().zip(all.iter().zip(own)).for_each(|(x, (y, s))| *x = y / s);
+            Self::Sparse(a) => {
+                a.x.fill(0.0);
+                a.x.iter_mut().zip(x.iter().zip(own)).for_each(|(to, (x, s))| *to = x * s / a.tau);
+                a.factors.solve(a.of, &mut a.x);
+                x.iter_mut().zip(a.x.iter().zip(own)).for_each(|(x, (y, s))| *x = y / s);
             }
         }
     }

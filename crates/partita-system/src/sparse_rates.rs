@@ -486,7 +486,7 @@ impl<T: Number> ShiftedFactors<T> {
         let real = mu.size();
         let values: Vec<f64> = of.parts.iter().map(|x| x[0] + real * (x[1] + real * x[2])).collect();
         let order = LuOrder::new(&plan.pattern, &values).map_err(|_| Unfactored)?;
-        let made = self.factors.factor(&plan.pattern, &order, &self.values).map_err(|_| Unfactored);
+        let made = self.factors.factor_by_any(&plan.pattern, &order, &self.values).map_err(|_| Unfactored);
         self.order = Some((Arc::new(order), of.plan.clone()));
         made
     }

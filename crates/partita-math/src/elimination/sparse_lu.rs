@@ -223,6 +223,18 @@ impl<T: Number> LuFactors<T> {
     /// # Errors
     /// A pivot that is small in its row, or not finite: then another order is needed.
     pub fn factor(&mut self, pattern: &Pattern, order: &LuOrder, values: &[T]) -> Result<(), PivotShrunk> {
+        self.factor_with(SERVING_PIVOT, pattern, order, values)
+    }
+
+    /// The same by any pivots that are not zero, for an order that was chosen for a matrix as large.
+    ///
+    /// # Errors
+    /// A pivot that is zero, or not finite.
+    pub fn factor_by_any(&mut self, pattern: &Pattern, order: &LuOrder, values: &[T]) -> Result<(), PivotShrunk> {
+        self.factor_with(0.0, pattern, order, values)
+    }
+
+    fn factor_with(&mut self, least: f64, pattern: &Pattern, order: &LuOrder, values: &[T]) -> Result<(), PivotShrunk> {
         let n = order.rows.len();
         equilibrate(pattern, |e| values[e].size(), &mut self.row_scale, &mut self.col_scale);
         self.lower.resize(order.lower.entries.len(), T::default());
@@ -256,7 +268,7 @@ impl<T: Number> LuFactors<T> {
             }
             let size = pivot.size();
             // a NaN serves neither
-            if !(size > 0.0 && size >= SERVING_PIVOT * largest && size.is_finite()) {
+            if !(size > 0.0 && size >= least * largest && size.is_finite()) {
                 return Err(PivotShrunk { step: k, pivot: size, reference: largest });
             }
             self.pivots[k] = pivot.reciprocal();
@@ -358,6 +370,12 @@ mod tests {
         let mut factors = LuFactors::default();
         assert!(factors.factor(&pattern, &order, &[0.0, 1.0, 1.0, 0.0]).is_err());
         assert!(factors.factor(&pattern, &order, &[f64::NAN, 1.0, 1.0, 0.0]).is_err());
+        let weak = [1e-5, 1.0, 1.0, 0.0];
+        assert!(factors.factor(&pattern, &order, &weak).is_err());
+        factors.factor_by_any(&pattern, &order, &weak).unwrap();
+        let mut x = [1.0, 1e-5];
+        factors.solve(&order, &mut x);
+        assert!((x[0] - 1e-5).abs() < 1e-14 && (x[1] - (1.0 - 1e-10)).abs() < 1e-14, "{x:?}");
         let order = LuOrder::new(&pattern, &[0.0, 1.0, 1.0, 0.0]).unwrap();
         factors.factor(&pattern, &order, &[0.0, 1.0, 1.0, 0.0]).unwrap();
         let mut x = [3.0, 4.0];

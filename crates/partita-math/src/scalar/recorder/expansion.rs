@@ -102,7 +102,6 @@ impl Operation {
         use Operation as O;
         match self {
             O::Input(_) | O::Constant(_) | O::Round(_) | O::Reached(..) => [None; 2],
-            O::Scale(_, factor) if factor == 0.0 => [None; 2],
             O::Neg(x) | O::Sqrt(x) | O::Power(x, _) | O::Sin(x) | O::Cos(x) | O::Abs(x) | O::Scale(x, _) => {
                 [Some(x), None]
             }
@@ -287,7 +286,7 @@ impl Expansion {
 mod tests {
     use super::*;
     use crate::dense::{lu, lu_solve};
-    use crate::scalar::{Dual, Recorder};
+    use crate::scalar::{Cases, Dual, Recorder};
 
     /// A chain of turning links, with what else may occur: its end, and the sum of its forces.
     fn chain<S: Scalar>(x: &[S]) -> Vec<S> {

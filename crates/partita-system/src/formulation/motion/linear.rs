@@ -123,10 +123,12 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 /// dense factors as the unit.
 const DIFFERENTIATED: usize = 60;
 /// Factorisations for each linearisation. Scale: number. Reason: the length of steps changes more often than the matrix.
-const FACTORED: usize = 3;
+const FACTORED: usize = 10;
 /// Multiplications with a real and with a complex number. Scale: number. Reason: one and four.
 const OF_BOTH: usize = 5;
-/// What sparse derivatives take over their multiplications. Scale: ratio. Reason: measured, with values, indices, and a share of
+/// What a multiplication of sparse factors takes. Scale: those of dense ones. Reason: measured; each finds its place by an index.
+const INDEXED: usize = 3;
+/// What sparse derivatives take. Scale: multiplications in them. Reason: measured, with values, indices, and a share of
 /// the recording.
 const OF_EXPANSION: usize = 8;
 /// Multiplications of sparse factors for each unknown, of which there are hardly fewer. Scale: number. Reason: those of four-bars
@@ -143,7 +145,7 @@ fn cost_of_matrix(n: usize, k: usize) -> usize {
 
 /// The same without one.
 fn cost_of_sparse(expansion: usize, multiplications: usize) -> usize {
-    OF_EXPANSION * expansion + FACTORED * OF_BOTH * multiplications
+    OF_EXPANSION * expansion + FACTORED * OF_BOTH * INDEXED * multiplications
 }
 
 /// What that costs at least.
