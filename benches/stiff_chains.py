@@ -1,8 +1,8 @@
 """Stiff mechanisms of many loops: what an implicit step costs for each of them, however many there are.
 
-Three shapes: four-bars side by side, coupled by stiff bushings; four-bars in series, each on the coupler of the one before, with
-stiff torsion springs; a chain of links with the same. `python stiff_chains.py` prints a table in relative and in absolute
-coordinates; names and sizes may be given, as in `python stiff_chains.py side 25 100`.
+Three shapes: four-bars side by side, coupled by stiff bushings; four-bars in series, each on the coupler of the one
+before, with stiff torsion springs; a chain of links with the same. `python stiff_chains.py` prints a table in relative
+and in absolute coordinates; names and sizes may be given, as in `python stiff_chains.py side 25 100`.
 """
 
 from __future__ import annotations
@@ -116,7 +116,9 @@ def cost(m: pt.Mechanism, coordinates: str) -> Cost:
 
 def main(names: list[str], sizes: list[int]) -> None:
     """Print a row for each shape, kind of coordinates and size."""
-    print(f"{'shape':8} {'coordinates':12} {'loops':>5} {'steps':>6} {'matrices':>8} {'ms/step':>8} {'µs/step/loop':>12}")
+    print(
+        f"{'shape':8} {'coordinates':12} {'loops':>5} {'steps':>6} {'matrices':>8} {'ms/step':>8} {'µs/step/loop':>12}"
+    )
     for name in names or list(SHAPES):
         for coordinates in ("relative", "absolute"):
             for size in sizes or SIZES:

@@ -1132,7 +1132,7 @@ FORMULAS = (
     Error(
         "slope-of-a-quotient",
         "half of the derivative of a quotient by its divisor, in sparse derivatives",
-        f"{MATH}/scalar/recorder/expansion.rs",
+        f"{MATH}/expansion.rs",
         "O::Div(_, y) => [1.0 / at(y), -value / at(y)],",
         "O::Div(_, y) => [1.0 / at(y), -0.5 * value / at(y)],",
         ("lib expansion", "whole motion::linear_rates"),

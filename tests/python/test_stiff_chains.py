@@ -13,7 +13,7 @@ import partita as pt
 
 sys.path.append(str(Path(__file__).parents[2] / "benches"))
 
-from stiff_chains import SHAPES  # noqa: E402
+from stiff_chains import SHAPES
 
 SIZE, DURATION = 12, 0.004
 
@@ -43,7 +43,7 @@ def test_auto_finds_a_chain_stiff_without_a_matrix() -> None:
 
 
 def test_a_chain_of_100_links_swings_as_the_beam_that_it_stands_for() -> None:
-    # cantilever: cosh b cos b = -1; what else moves the dampers end, the swinging itself loses three parts in a thousand
+    # cantilever: cosh b cos b = -1; dampers end all other motions, of the swinging they take three parts in a thousand
     size, length, mass, stiffness, b = 100, 2.0, 4.0, 5e4, 1.8751040687
     each = length / size
     m = pt.Mechanism("cantilever", gravity=(0.0, 0.0, 0.0))

@@ -1,13 +1,13 @@
 //! Derivatives of the equations of a mechanism along displacements and changes of velocities and accelerations.
 
 use crate::evaluator::{Evaluator, Wide, TOGETHER};
+use crate::expanded::Expanded;
 use crate::model::Model;
 use partita_math::elimination::Pattern;
-use partita_math::scalar::{Dual, Expansion, ExpansionScratch, Recorder, Recording, Scalar};
+use partita_math::scalar::{Dual, Recorder, Scalar};
 use partita_system::prelude::*;
 use partita_system::system::{by_differences, At, Changes, Derivatives, Directions, Varied};
 use partita_system::SystemError;
-use std::sync::{Mutex, PoisonError};
 
 /// Memory of an evaluation with derivatives.
 struct DerivativeScratch {
@@ -39,77 +39,25 @@ fn seeded(values: &[f64], changes: &[f64], first: usize, count: usize, out: &mut
     }
 }
 
-/// Numbers that a result may depend on before it is one of its own. Scale: number. Reason: positions and velocities of two bodies
-/// in the plane; measured on chains, which take longer with half and with twice as many.
-const DEPENDENT_ON: usize = 12;
-
-/// The equations as a recording with its derivatives, and memory of evaluations.
-pub(crate) struct Expanded {
-    expansion: Expansion,
-    spare: Mutex<Vec<(ExpansionScratch, Vec<f64>)>>,
-}
-
 impl Model {
-    /// The equations with derivatives by way of results between; none where they cannot be recorded.
-    fn expansion(&self) -> Option<&Expanded> {
-        let made = || {
-            let expansion = self.recorded_expansion()?;
-            Some(Box::new(Expanded { expansion, spare: Mutex::default() }))
-        };
+    /// The equations with sparse derivatives; none where they cannot be recorded.
+    fn with_sparse_derivatives(&self) -> Option<&Expanded> {
+        let made = || Expanded::new(&self.over::<Recorder>().ok()?, self.structure()).map(Box::new);
         self.expanded.get_or_init(made).as_deref()
-    }
-
-    /// Inputs: t | q | displacements | v | v' | λ.
-    fn recorded_expansion(&self) -> Option<Expansion> {
-        let e = self.over::<Recorder>().ok()?;
-        let (size, n) = (self.size(), self.size().nv);
-        let moved = 1 + size.nq;
-        let (v, vdot) = (moved + n, moved + 2 * n);
-        let inputs = vdot + n + size.rows;
-        let made = Recording::new(inputs, |x| {
-            let zeros = |n: usize| vec![Recorder::zero(); n];
-            let (mut phi, mut c, mut force) = (zeros(size.holonomic), zeros(self.pattern().nnz()), zeros(n));
-            let (mut rates, mut accelerations) = (zeros(size.rows), zeros(size.rows));
-            // a displacement of first order: N(q) dq
-            let mut q = zeros(size.nq);
-            e.rate(&x[1..moved], &x[moved..v], &mut q);
-            q.iter_mut().zip(&x[1..moved]).for_each(|(to, q)| *to += *q);
-            let mut s = e.scratch();
-            e.position(x[0], &q, &mut s, &mut phi, &mut c, &mut rates)?;
-            e.velocity(x[0], &q, &x[v..vdot], &mut s, &mut accelerations)?;
-            e.inverse_dynamics(x[0], &q, &x[v..vdot], &x[vdot..vdot + n], &mut s, &mut force)?;
-            for i in 0..size.rows {
-                for entry in self.pattern().row(i) {
-                    let (c, col) = (c[entry], self.pattern().col_idx[entry]);
-                    rates[i] += c * x[v + col];
-                    accelerations[i] += c * x[vdot + col];
-                    force[col] -= c * x[vdot + n + i];
-                }
-            }
-            Ok::<_, SystemError>([rates, accelerations, force].concat())
-        });
-        Some(Expansion::new(made.ok()?.lean(), inputs - moved, |i| i.checked_sub(moved), DEPENDENT_ON))
     }
 }
 
 impl Varied for Model {
     fn expanded(&self) -> Option<&Pattern> {
-        self.expansion().map(|x| x.expansion.pattern())
+        self.with_sparse_derivatives().map(Expanded::pattern)
     }
     fn expansion_cost(&self) -> usize {
-        self.expansion().map_or(0, |x| x.expansion.multiplications())
+        self.with_sparse_derivatives().map_or(0, Expanded::multiplications)
     }
     fn expand(&self, at: &At, out: &mut [f64]) {
-        let Some(own) = self.expansion() else { return };
-        let spare = || own.spare.lock().unwrap_or_else(PoisonError::into_inner);
-        let (mut scratch, mut inputs) = spare().pop().unwrap_or_default();
-        inputs.clear();
-        inputs.push(at.t);
-        inputs.extend_from_slice(at.q);
-        inputs.resize(1 + at.q.len() + at.v.len(), 0.0);
-        [at.v, at.vdot, at.multipliers].into_iter().for_each(|x| inputs.extend_from_slice(x));
-        own.expansion.evaluate(&inputs, &mut scratch, out);
-        spare().push((scratch, inputs));
+        if let Some(own) = self.with_sparse_derivatives() {
+            own.evaluate(at, out);
+        }
     }
     fn vary(&self, at: &At, along: &Directions, out: &mut Changes) -> Result<Derivatives, SystemError> {
         let Some(e) = self.with_derivatives() else {

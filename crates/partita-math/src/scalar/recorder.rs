@@ -8,14 +8,12 @@
 
 mod c;
 mod counts;
-mod expansion;
 mod lean;
 mod lookup;
 mod module;
 
 pub use c::{head, Numbers};
 pub use counts::OperationCounts;
-pub use expansion::{Expansion, ExpansionScratch};
 pub use lookup::Lookup;
 pub use module::Module;
 

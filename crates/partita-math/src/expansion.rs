@@ -8,9 +8,8 @@
 //! more than a few numbers is therefore taken for a number of its own: what depends on it depends on that number. Results
 //! carried from body to body are then such numbers, and the rows have as many entries as bodies have neighbours.
 
-use super::{Operation, Recording};
 use crate::elimination::Pattern;
-use crate::scalar::Scalar;
+use crate::scalar::{Operation, Recording, Scalar};
 use std::collections::HashMap;
 
 /// A result with derivatives.
@@ -36,7 +35,7 @@ struct Operand {
 
 /// What a row takes.
 #[derive(Clone, Copy, Debug)]
-struct Given {
+struct Extent {
     start: u32,
     count: u32,
 }
@@ -50,7 +49,7 @@ pub struct Expansion {
     row_of: Vec<Option<u32>>,
     indices: Vec<u16>,
     /// Derivatives of each output.
-    outputs: Vec<Given>,
+    outputs: Vec<Extent>,
     memory: usize,
     longest: usize,
     multiplications: usize,
@@ -217,7 +216,7 @@ impl Expansion {
         }
         let own = rows.len();
         let given =
-            |x: &u32| Given { start: supports[*x as usize].start, count: supports[*x as usize].of.len() as u32 };
+            |x: &u32| Extent { start: supports[*x as usize].start, count: supports[*x as usize].of.len() as u32 };
         let outputs = recording.outputs.iter().map(given).collect();
         rows.extend(recording.outputs.iter().map(|&x| supports[x as usize].of.iter().map(|&v| v as usize).collect()));
         let pattern = Pattern::from_rows(variables + own, &rows);
