@@ -1122,6 +1122,22 @@ FORMULAS = (
         ("python test_linear.py",),
     ),
     Error(
+        "what-leads-to-rates",
+        "changes of rates that follow from displacements are missing from sparse implicit steps",
+        f"{SYSTEM}/sparse_rates.rs",
+        "put(i, rates + self.index[j], times(-f));",
+        "put(i, rates + self.index[j], times(-0.5 * f));",
+        ("whole motion::linear_rates",),
+    ),
+    Error(
+        "slope-of-a-quotient",
+        "half of the derivative of a quotient by its divisor, in sparse derivatives",
+        f"{MATH}/expansion.rs",
+        "O::Div(_, y) => [1.0 / at(y), -value / at(y)],",
+        "O::Div(_, y) => [1.0 / at(y), -0.5 * value / at(y)],",
+        ("lib expansion", "whole motion::linear_rates"),
+    ),
+    Error(
         "uphill",
         "the search for a stable equilibrium follows negative curvature upwards",
         f"{ANALYSIS}/equilibrium/search.rs",

@@ -6,9 +6,10 @@
 //!           0 where τ |w| is within the tolerance
 //! ```
 
-use partita_math::dense::{lu, lu_solve};
+use partita_math::dense::{dot, lu, lu_solve};
 use partita_math::formatted;
 use partita_system::linear_rates::LinearRates;
+use partita_system::sparse_rates::{RealShift, SparseRates};
 
 /// Powers of A. Unit: number. Reason: with a pair of complex eigenvalues the growth of single ones varies.
 const POWERS: usize = 24;
@@ -47,23 +48,83 @@ fn norm(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
 }
 
-/// A x, in units of the sizes.
-fn times(linear: &LinearRates, sizes: &[f64], x: &[f64]) -> Vec<f64> {
-    let rows = linear.a.chunks_exact(linear.count.max(1)).zip(sizes);
-    rows.map(|(row, size)| row.iter().zip(x.iter().zip(sizes)).map(|(a, (x, s))| a * x * s).sum::<f64>() / size)
-        .collect()
+/// A in units of sizes: its products, and solutions with 1 − τ A.
+enum Scaled<'a> {
+    /// Formed, and its factors.
+    Dense { a: Vec<f64>, factors: Vec<f64>, order: Vec<usize> },
+    /// Not formed.
+    Sparse(Box<Unformed<'a>>),
+}
+
+/// Sparse equations in place of A, and their factors.
+struct Unformed<'a> {
+    of: &'a SparseRates,
+    times: Box<Product<'a>>,
+    factors: RealShift,
+    tau: f64,
+    /// x, with displacements that no loop allows, and A x.
+    x: Vec<f64>,
+    product: Vec<f64>,
+}
+
+/// x ↦ A x.
+type Product<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
+
+impl<'a> Scaled<'a> {
+    fn new(linear: &'a LinearRates, own: &[f64], tau: f64) -> Option<Self> {
+        let n = linear.count;
+        if let Some(of) = linear.unformed() {
+            let mut factors = RealShift::default();
+            factors.factor(of, 1.0 / tau).ok()?;
+            let (times, x, product) = (Box::new(of.products()?), vec![0.0; linear.width()], vec![0.0; n]);
+            return Some(Self::Sparse(Box::new(Unformed { of, times, factors, tau, x, product })));
+        }
+        let mut a = linear.a.clone();
+        a.iter_mut().enumerate().for_each(|(e, x)| *x *= own[e % n] / own[e / n]);
+        let mut factors: Vec<f64> = a.iter().map(|x| -tau * x).collect();
+        (0..n).for_each(|i| factors[i * n + i] += 1.0);
+        let mut order = vec![0; n];
+        lu(&mut factors, n, &mut order).ok()?;
+        Some(Self::Dense { a, factors, order })
+    }
+
+    /// A x.
+    fn times(&mut self, own: &[f64], x: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Dense { a, .. } => a.chunks_exact(x.len().max(1)).map(|row| dot(row, x)).collect(),
+            Self::Sparse(a) => {
+                a.x.iter_mut().zip(x.iter().zip(own)).for_each(|(to, (x, s))| *to = x * s);
+                (a.times)(&a.x[..x.len()], &mut a.product);
+                a.product.iter().zip(own).map(|(x, s)| x / s).collect()
+            }
+        }
+    }
+
+    /// `x ← (1 − τ A)⁻¹ x`.
+    fn solve(&mut self, own: &[f64], x: &mut [f64]) {
+        match self {
+            Self::Dense { factors, order, .. } => lu_solve(factors, x.len(), order, x),
+            Self::Sparse(a) => {
+                a.x.fill(0.0);
+                a.x.iter_mut().zip(x.iter().zip(own)).for_each(|(to, (x, s))| *to = x * s / a.tau);
+                a.factors.solve(a.of, &mut a.x);
+                x.iter_mut().zip(a.x.iter().zip(own)).for_each(|(x, (y, s))| *x = y / s);
+            }
+        }
+    }
 }
 
 impl Stiffness {
     /// Where the rates are dy, for steps of length h; `sizes` are those of the components, and the tolerance
     /// is in them. None where it cannot be told.
     pub(crate) fn of(linear: &LinearRates, (sizes, tolerance): (&[f64], f64), dy: &[f64], h: f64) -> Option<Self> {
-        let n = linear.count;
+        let (n, tau) = (linear.count, SMOOTHED * h.abs());
         let own = linear.sizes(sizes);
+        let mut matrix = Scaled::new(linear, &own, tau)?;
         let mut x: Vec<f64> = (0..n).map(|i| 1.0 + 0.37 * ((i * i) % 5) as f64).collect();
         let (mut growth, mut counted) = (0.0, 0.0);
         for i in 0..POWERS {
-            let next = times(linear, &own, &x);
+            let next = matrix.times(&own, &x);
             let size = norm(&next);
             if size == 0.0 {
                 return Some(Self { fastest: 0.0, motion: 0.0 });
@@ -76,19 +137,14 @@ impl Stiffness {
             x = next.into_iter().map(|x| x / size).collect();
         }
         let fastest = f64::exp(growth / counted);
-        let (tau, mut matrix, mut order) = (SMOOTHED * h.abs(), linear.a.clone(), vec![0; n]);
-        for (e, a) in matrix.iter_mut().enumerate() {
-            let (i, j) = (e / n, e % n);
-            *a = f64::from(u8::from(i == j)) - tau * *a * own[j] / own[i];
-        }
-        lu(&mut matrix, n, &mut order).ok()?;
-        let mut w = vec![0.0; n];
+        let mut w = vec![0.0; linear.width()];
         linear.select(dy, &mut w);
+        w.truncate(n);
         w.iter_mut().zip(&own).for_each(|(w, s)| *w /= s);
-        lu_solve(&matrix, n, &order, &mut w);
-        lu_solve(&matrix, n, &order, &mut w);
+        matrix.solve(&own, &mut w);
+        matrix.solve(&own, &mut w);
         let size = norm(&w);
-        let motion = if tau * size > tolerance { norm(&times(linear, &own, &w)) / size } else { 0.0 };
+        let motion = if tau * size > tolerance { norm(&matrix.times(&own, &w)) / size } else { 0.0 };
         (fastest.is_finite() && motion.is_finite()).then_some(Self { fastest, motion })
     }
 

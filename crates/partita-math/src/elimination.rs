@@ -14,8 +14,10 @@ mod layout;
 mod pattern;
 mod plan;
 mod program;
+mod sparse_lu;
 
 pub use blocks::Block;
 pub use pattern::Pattern;
 pub use plan::{PivotShrunk, Plan, PlanError, PlanOptions};
 pub use program::sparse::SparseScratch;
+pub use sparse_lu::{LuFactors, LuOrder, Number};

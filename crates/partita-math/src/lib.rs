@@ -8,6 +8,7 @@ extern crate self as partita_math;
 
 pub mod dense;
 pub mod elimination;
+pub mod expansion;
 pub mod factor;
 mod formatted;
 pub mod least_norm;

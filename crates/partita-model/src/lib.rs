@@ -14,6 +14,7 @@ pub mod dynamics;
 pub mod error;
 pub mod evaluator;
 pub mod event_functions;
+mod expanded;
 mod exported;
 pub mod force;
 pub mod freed;

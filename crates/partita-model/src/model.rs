@@ -7,6 +7,7 @@ use crate::compile;
 use crate::coupling::{self, Condition, Law, Says};
 use crate::error::DescriptionError;
 use crate::evaluator::{with_engine, DriveRow, Engine, Evaluator, Follow, Wide};
+use crate::expanded::Expanded;
 use crate::force::Element;
 use crate::joint::Shape;
 use crate::massless;
@@ -65,6 +66,8 @@ pub struct Model {
     geometry: Arc<Geometry>,
     /// The equations with derivatives, made on first use; none where `f64` alone can solve for frictions.
     pub(crate) varied: OnceLock<Option<Evaluator<Wide>>>,
+    /// The equations with sparse derivatives, made on first use; none where they cannot be recorded.
+    pub(crate) expanded: OnceLock<Option<Box<Expanded>>>,
     /// Memory for the next evaluations.
     spare: Arc<Spare>,
     /// The mechanism itself, where its drives were replaced by actuators.
@@ -401,6 +404,7 @@ impl Model {
             preference: Preference::default(),
             geometry: Arc::default(),
             varied: OnceLock::new(),
+            expanded: OnceLock::new(),
             spare: Arc::default(),
             mechanism: None,
             permanent: None,

@@ -1,8 +1,10 @@
 //! Derivatives of the equations of a mechanism along displacements and changes of velocities and accelerations.
 
 use crate::evaluator::{Evaluator, Wide, TOGETHER};
+use crate::expanded::Expanded;
 use crate::model::Model;
-use partita_math::scalar::{Dual, Scalar};
+use partita_math::elimination::Pattern;
+use partita_math::scalar::{Dual, Recorder, Scalar};
 use partita_system::prelude::*;
 use partita_system::system::{by_differences, At, Changes, Derivatives, Directions, Varied};
 use partita_system::SystemError;
@@ -37,7 +39,26 @@ fn seeded(values: &[f64], changes: &[f64], first: usize, count: usize, out: &mut
     }
 }
 
+impl Model {
+    /// The equations with sparse derivatives; none where they cannot be recorded.
+    fn with_sparse_derivatives(&self) -> Option<&Expanded> {
+        let made = || Expanded::new(&self.over::<Recorder>().ok()?, self.structure()).map(Box::new);
+        self.expanded.get_or_init(made).as_deref()
+    }
+}
+
 impl Varied for Model {
+    fn expanded(&self) -> Option<&Pattern> {
+        self.with_sparse_derivatives().map(Expanded::pattern)
+    }
+    fn expansion_cost(&self) -> usize {
+        self.with_sparse_derivatives().map_or(0, Expanded::multiplications)
+    }
+    fn expand(&self, at: &At, out: &mut [f64]) {
+        if let Some(own) = self.with_sparse_derivatives() {
+            own.evaluate(at, out);
+        }
+    }
     fn vary(&self, at: &At, along: &Directions, out: &mut Changes) -> Result<Derivatives, SystemError> {
         let Some(e) = self.with_derivatives() else {
             return by_differences(self, at, along, out);

@@ -25,6 +25,7 @@ pub mod rates;
 pub mod record;
 pub mod reduction;
 pub mod singular;
+pub mod sparse_rates;
 pub mod start;
 pub mod step_boundary;
 pub mod system;

@@ -7,6 +7,7 @@
 //! Where y holds more coordinates than a motion has freedoms, x are changes that the loops allow, 2k of them at most: only
 //! along these can forces be stiff and the motion stay closed. What is left, e, follows from the rates themselves.
 
+use crate::sparse_rates::SparseRates;
 use crate::system::Derivatives;
 
 /// A matrix without its zeros, row by row.
@@ -27,6 +28,18 @@ impl Rows {
             out.ends.push(out.entries.len());
         }
         out
+    }
+
+    /// No rows.
+    pub(crate) fn clear(&mut self) {
+        self.ends.clear();
+        self.entries.clear();
+    }
+
+    /// Another row.
+    pub(crate) fn push(&mut self, row: impl Iterator<Item = (usize, f64)>) {
+        self.entries.extend(row.filter(|e| e.1 != 0.0));
+        self.ends.push(self.entries.len());
     }
 
     /// The entries of each row.
@@ -57,17 +70,42 @@ pub enum Along {
         /// B (`count` x dim), or nothing where it is zero.
         coupling: Rows,
     },
+    /// The same along displacements of all coordinates, where A is not formed: [`LinearRates::sparse`] has it.
+    Sparse {
+        /// Rates of coordinates by velocities (coordinates x nv).
+        rates: Rows,
+        /// S, as above.
+        select: Rows,
+        /// Displacements of dependent coordinates by y.
+        beside: Rows,
+    },
+}
+
+/// Whether A is formed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Route {
+    /// Where that costs less, by a count of multiplications.
+    #[default]
+    Counted,
+    /// Always.
+    Dense,
+    /// Never, where the system knows its couplings.
+    Sparse,
 }
 
 /// A, and which changes it belongs to.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct LinearRates {
     /// Number of changes x.
     pub count: usize,
     /// Them.
     pub along: Along,
-    /// A (count x count), row by row.
+    /// A (count x count), row by row; empty where it is not formed.
     pub a: Vec<f64>,
+    /// What stands for A where it is not formed; where it is, memory.
+    pub sparse: Option<Box<SparseRates>>,
+    /// Whether it is formed.
+    pub route: Route,
     /// Whether the first half of x changes at the rates of the second half alone: `A = [0 1; −M_d⁻¹ K  −M_d⁻¹ D]`.
     pub second_order: bool,
     /// How it was computed.
@@ -89,6 +127,8 @@ impl Default for LinearRates {
             count: 0,
             along: Along::Leading,
             a: Vec::new(),
+            sparse: None,
+            route: Route::default(),
             second_order: false,
             derivatives: Derivatives::Exact,
             evaluations: 0,
@@ -128,11 +168,31 @@ impl LinearRates {
         Ok(())
     }
 
-    /// `x = S δy`.
+    /// For so many changes, without A.
+    pub(crate) fn begin_sparse(&mut self) {
+        let count = self.sparse.as_ref().map_or(0, |x| x.count());
+        (self.count, self.second_order, self.evaluations) = (count, true, 0);
+        self.a.clear();
+        if !matches!(self.along, Along::Sparse { .. }) {
+            self.along = Along::Sparse { rates: Rows::default(), select: Rows::default(), beside: Rows::default() };
+        }
+    }
+
+    /// What stands for A, where it is not formed.
+    pub fn unformed(&self) -> Option<&SparseRates> {
+        self.sparse.as_deref().filter(|_| matches!(self.along, Along::Sparse { .. }))
+    }
+
+    /// Numbers of x and what is carried behind them: where A is not formed, displacements that no loop allows.
+    pub fn width(&self) -> usize {
+        self.count + self.unformed().map_or(0, |x| x.beside())
+    }
+
+    /// `x = S δy` (the leading [`count`](Self::count) numbers), and zeros.
     pub fn select(&self, change: &[f64], x: &mut [f64]) {
         match &self.along {
             Along::Leading => x.copy_from_slice(&change[..self.count]),
-            Along::Tangent { select, .. } => {
+            Along::Tangent { select, .. } | Along::Sparse { select, .. } => {
                 x.fill(0.0);
                 select.add_product(change, x);
             }
@@ -140,10 +200,16 @@ impl LinearRates {
     }
 
     /// `out += L x`.
-    pub fn lift(&self, x: &[f64], out: &mut [f64]) {
-        match &self.along {
-            Along::Leading => out.iter_mut().zip(x).for_each(|(out, x)| *out += x),
-            Along::Tangent { lift, .. } => lift.add_product(x, out),
+    pub fn lift(&mut self, x: &[f64], out: &mut [f64]) {
+        match (&self.along, &mut self.sparse) {
+            (Along::Leading, _) => out.iter_mut().zip(&x[..self.count]).for_each(|(out, x)| *out += x),
+            (Along::Tangent { lift, .. }, _) => lift.add_product(x, out),
+            (Along::Sparse { rates, .. }, Some(sparse)) => {
+                let k = self.count / 2;
+                rates.add_product(sparse.displace(&x[..k]), out);
+                out[rates.ends.len()..].iter_mut().zip(&x[k..2 * k]).for_each(|(out, u)| *out += u);
+            }
+            (Along::Sparse { .. }, None) => {}
         }
     }
 
@@ -152,7 +218,7 @@ impl LinearRates {
         let mut sizes = vec![0.0; self.count];
         match &self.along {
             Along::Leading => sizes.copy_from_slice(&of_y[..self.count]),
-            Along::Tangent { select, .. } => {
+            Along::Tangent { select, .. } | Along::Sparse { select, .. } => {
                 let size = |row: &[(usize, f64)]| row.iter().map(|(j, s)| s.abs() * of_y[*j]).sum();
                 sizes.iter_mut().zip(select.iter()).for_each(|(to, row)| *to = size(row));
             }
@@ -160,10 +226,12 @@ impl LinearRates {
         sizes
     }
 
-    /// `x += B e`.
+    /// `x += B e`, or where A is not formed what leads to that, behind x.
     pub fn couple(&self, e: &[f64], x: &mut [f64]) {
-        if let Along::Tangent { coupling, .. } = &self.along {
-            coupling.add_product(e, x);
+        match &self.along {
+            Along::Leading => {}
+            Along::Tangent { coupling, .. } => coupling.add_product(e, x),
+            Along::Sparse { beside, .. } => beside.add_product(e, &mut x[self.count..]),
         }
     }
 }

@@ -7,6 +7,7 @@
 use super::coefficients::{COMPLEX, REAL};
 use partita_math::dense::{lu, lu_complex, lu_complex_solve, lu_solve, Complex, Singular};
 use partita_system::linear_rates::LinearRates;
+use partita_system::sparse_rates::{ComplexShift, RealShift};
 
 /// Factors for one length of step.
 #[derive(Debug, Default)]
@@ -20,6 +21,9 @@ pub(super) struct NewtonMatrix {
     complex_order: Vec<usize>,
     own: Vec<f64>,
     pair: Vec<Complex>,
+    /// Where A is not formed.
+    sparse_real: RealShift,
+    sparse_complex: ComplexShift,
 }
 
 #[inline(always)]
@@ -51,6 +55,13 @@ impl NewtonMatrix {
         self.h = 0.0;
         let (count, a) = (linear.count, &linear.a);
         let (real, pair) = (REAL / h, complex_over(h));
+        if let Some(sparse) = linear.unformed() {
+            let singular = |_| Singular { index: 0, pivot: 0.0 };
+            self.sparse_real.factor(sparse, real).map_err(singular)?;
+            self.sparse_complex.factor(sparse, pair).map_err(singular)?;
+            self.h = h;
+            return Ok(());
+        }
         self.n = if linear.second_order { count / 2 } else { count };
         let n = self.n;
         self.real.clear();
@@ -81,8 +92,11 @@ impl NewtonMatrix {
         Ok(())
     }
 
-    /// `x ← (γ/h − A)⁻¹ x`.
+    /// `x ← (γ/h − A)⁻¹ x`; what x carries behind it is used up.
     pub(super) fn solve_real(&mut self, linear: &LinearRates, x: &mut [f64]) {
+        if let Some(sparse) = linear.unformed() {
+            return self.sparse_real.solve(sparse, x);
+        }
         let n = self.n;
         if !linear.second_order {
             return lu_solve(&self.real, n, &self.real_order, x);
@@ -102,6 +116,13 @@ impl NewtonMatrix {
 
     /// `x + i y ← (μ/h − A)⁻¹ (x + i y)` for μ = α − i β.
     pub(super) fn solve_complex(&mut self, linear: &LinearRates, x: &mut [f64], y: &mut [f64]) {
+        if let Some(sparse) = linear.unformed() {
+            self.pair.clear();
+            self.pair.extend(x.iter().zip(&*y).map(|(x, y)| [*x, *y]));
+            self.sparse_complex.solve(sparse, &mut self.pair);
+            self.pair.iter().zip(x.iter_mut().zip(y)).for_each(|(p, (x, y))| [*x, *y] = *p);
+            return;
+        }
         let n = self.n;
         if !linear.second_order {
             self.pair.iter_mut().zip(x.iter().zip(&*y)).for_each(|(p, (x, y))| *p = [*x, *y]);

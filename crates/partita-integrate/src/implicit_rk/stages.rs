@@ -114,8 +114,8 @@ impl StageSolver {
         self.factors.forget();
         ode.linear_rates(t, at, sizes, &mut self.linear)?;
         (self.matrix, self.gain) = (Matrix::OfThisStep, 1.0);
-        self.x.resize(S * self.linear.count, 0.0);
-        self.w.resize(S * self.linear.count, 0.0);
+        self.x.resize(S * self.linear.width(), 0.0);
+        self.w.resize(S * self.linear.width(), 0.0);
         Ok(())
     }
 
@@ -195,7 +195,7 @@ impl StageSolver {
 
     /// Turn R into changes of Z; the largest of them in units of the tolerances.
     fn change(&mut self, task: &Task) -> f64 {
-        let (n, m) = (self.dim, self.linear.count);
+        let (n, m) = (self.dim, self.linear.width());
         for i in 0..S {
             let (r, x) = (&mut self.r[i * n..(i + 1) * n], &mut self.x[i * m..(i + 1) * m]);
             self.linear.select(r, x);
@@ -239,7 +239,7 @@ impl StageSolver {
 
     /// `x ← (γ/h − J)⁻¹ x`.
     pub(super) fn filter(&mut self, h: f64, x: &mut [f64]) {
-        let m = self.linear.count;
+        let m = self.linear.width();
         let own = &mut self.x[..m];
         self.linear.select(x, own);
         self.row.fill(0.0);

@@ -39,7 +39,7 @@ pub(super) fn choose(
     rank: usize,
     options: &PlanOptions,
 ) -> Result<Vec<Step>, PlanError> {
-    let mut rest = Remainder::new(pattern, options.threshold, rank > FULL_SEARCH);
+    let mut rest = Remainder::new(pattern, options, rank > FULL_SEARCH);
     for i in (0..pattern.rows).filter(|&i| eligible_rows[i]) {
         let entries = pattern.row(i).map(|entry| (pattern.col_idx[entry], values[entry]));
         let eligible = entries.filter(|&(j, _)| eligible_cols[j]);
@@ -77,6 +77,9 @@ impl Candidate {
 /// The remainder of the scaled matrix.
 struct Remainder {
     threshold: f64,
+    /// Null, and what must be left of a row, where no row waits.
+    null: f64,
+    most_lost: f64,
     /// Entries of each row in the columns not yet used.
     rows: Vec<Vec<(usize, f64)>>,
     /// Rows that have an entry in each column; may still name rows that are used up.
@@ -95,10 +98,12 @@ struct Remainder {
 }
 
 impl Remainder {
-    fn new(pattern: &Pattern, threshold: f64, large: bool) -> Self {
+    fn new(pattern: &Pattern, options: &PlanOptions, large: bool) -> Self {
         let (m, n) = (pattern.rows, pattern.cols);
         Self {
-            threshold,
+            threshold: options.threshold,
+            null: options.null,
+            most_lost: if options.waits { f64::INFINITY } else { 0.0 },
             rows: vec![Vec::new(); m],
             cols: vec![Vec::new(); n],
             col_count: vec![0; n],
@@ -129,8 +134,8 @@ impl Remainder {
     /// Whether row `i` may give a pivot at the present level.
     fn usable(&self, i: usize) -> bool {
         self.row_live[i]
-            && self.row_max[i] > tolerance::NULL_VALUE
-            && self.row_max[i] >= PIVOT_LEVELS[self.level] * self.reference[i]
+            && self.row_max[i] > self.null
+            && self.row_max[i] >= PIVOT_LEVELS[self.level].min(self.most_lost) * self.reference[i]
     }
 
     /// Admits weaker rows; false when there is no weaker level.
@@ -246,7 +251,7 @@ impl Remainder {
     /// Returns whether the entry passes the threshold within its row.
     fn consider(&self, row: usize, col: usize, s: f64, best: &mut Option<Candidate>) -> bool {
         let size = s.abs();
-        if size < self.threshold * self.row_max[row] || size <= tolerance::NULL_VALUE {
+        if size < self.threshold * self.row_max[row] || size <= self.null {
             return false;
         }
         let candidate = Candidate { cost: (self.rows[row].len() - 1) * (self.col_count[col] - 1), size, row, col };

@@ -6,6 +6,7 @@ use super::layout::Layout;
 use super::program::sparse::SparseScratch;
 use super::Pattern;
 use crate::scalar::{Real, Scalar};
+use crate::tolerance;
 use std::convert::Infallible;
 use std::sync::Arc;
 
@@ -17,6 +18,11 @@ pub struct PlanOptions {
     pub threshold: f64,
     /// A pivot that falls below this fraction of its value at planning requires a new plan.
     pub guard: f64,
+    /// A scaled pivot must be larger than this.
+    pub null: f64,
+    /// Whether rows that have lost most of their size wait for stronger ones, because they may depend on them. In a regular
+    /// matrix they lose it to stiffness, and waiting costs fill.
+    pub waits: bool,
 }
 
 /// Least pivot relative to the largest entry of its row. Unit: ratio. Reason: the threshold of sparse
@@ -32,7 +38,7 @@ const CLEARLY_ABOVE: f64 = 1.0 - 1e-9;
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { threshold: PIVOT_THRESHOLD, guard: PIVOT_GUARD }
+        Self { threshold: PIVOT_THRESHOLD, guard: PIVOT_GUARD, null: tolerance::NULL_VALUE, waits: true }
     }
 }
 

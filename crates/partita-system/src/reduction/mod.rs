@@ -383,6 +383,11 @@ impl<'s, S: ConstrainedSystem> Reduction<'s, S> {
         }
     }
 
+    /// The elimination of C_D and its factors.
+    pub fn closing(&self) -> Option<(&Plan, &[f64])> {
+        self.planned.plan.as_ref().filter(|_| self.planned.rank > 0).map(|plan| (plan, &self.at.factors[..]))
+    }
+
     /// `x ← C_D⁻ᵀ x` for r numbers in the order of D; on return in the order of the kept rows.
     pub fn solve_transposed(&self, x: &mut [f64]) {
         if let Some(plan) = &self.planned.plan {

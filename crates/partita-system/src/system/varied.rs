@@ -1,6 +1,7 @@
 //! Derivatives of the equations of a system along directions.
 
 use super::{Manifold, SystemError};
+use partita_math::elimination::Pattern;
 
 /// How derivatives were computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +62,19 @@ impl Changes {
 
 /// A system that differentiates its equations.
 pub trait Varied: Manifold {
+    /// Where the derivatives of the equations are not zero, by way of results that lie between; none where that is not known.
+    ///
+    /// Rows: these results, C v + a, s (rows each) and r (nv). Columns: displacements, v, v' (nv each), λ (rows), and these
+    /// results again.
+    fn expanded(&self) -> Option<&Pattern> {
+        None
+    }
+    /// Multiplications of [`expand`](Self::expand).
+    fn expansion_cost(&self) -> usize {
+        0
+    }
+    /// These derivatives, entry by entry of the pattern; exact ones. Nothing is written without one.
+    fn expand(&self, _at: &At, _out: &mut [f64]) {}
     /// Changes of the equations along directions; by differences unless the system can do better.
     ///
     /// # Errors

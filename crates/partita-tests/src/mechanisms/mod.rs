@@ -7,9 +7,10 @@ pub use drawn::{
     between, body, couple, drawing, empty, in_space, joint, loads, point, rotation, Wishes, COUPLINGS, ROLLS,
 };
 
+use partita_math::scalar::Recorder;
 use partita_model::observe::BodyState;
-use partita_model::spec::Spec;
-use partita_model::value::{Functions, RELATION};
+use partita_model::spec::{Force, Spec};
+use partita_model::value::{Functions, NoFunctions, RELATION};
 use partita_model::zero_position::Coordinates;
 use partita_model::Model;
 use partita_system::kinematics::assembly;
@@ -183,6 +184,21 @@ fn on_mechanisms(
         check(&mut rng, &model, &moment);
         done += 1;
     }
+}
+
+/// The same without the forces that call functions, and its state; none where anything else does.
+pub fn without_functions(model: &Model, m: &Moment) -> Option<(Model, Moment)> {
+    let made = |spec: &Spec| Model::new(spec.clone(), Arc::new(NoFunctions), Coordinates::Relative).ok();
+    let mut spec = (*model.spec).clone();
+    let forces = std::mem::take(&mut spec.forces);
+    let alone = |force: &Force| made(&Spec { forces: vec![force.clone()], ..spec.clone() });
+    let kept = forces.iter().filter(|f| alone(f).is_some_and(|x| x.over::<Recorder>().is_ok())).cloned().collect();
+    spec.forces = kept;
+    let plain = made(&spec).filter(|x| x.over::<Recorder>().is_ok())?;
+    // forces may have kept it from being planar
+    let plain = Some(plain).filter(|x| x.size() == model.size())?;
+    let moment = Moment::at(&plain, m.t, m.q.clone(), m.v.clone())?;
+    Some((plain, moment))
 }
 
 /// All bodies at (q, v).

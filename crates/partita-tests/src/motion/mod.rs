@@ -15,5 +15,6 @@ mod parallel_robot;
 mod parameters;
 mod reactions;
 mod scalars;
+mod sparse_steps;
 mod stepping;
 mod tangent_allocations;

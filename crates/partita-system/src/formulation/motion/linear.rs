@@ -6,10 +6,11 @@
 
 use super::Motion;
 use crate::error::Result;
-use crate::linear_rates::{Along, LinearRates, Rows};
+use crate::linear_rates::{Along, LinearRates, Route, Rows};
 use crate::positions::Positions;
 use crate::reduction::Reduction;
-use crate::system::{At, Changes, ConstrainedSystem, Directions};
+use crate::sparse_rates::{PointMemory, SparsePlan, SparseRates};
+use crate::system::{At, Changes, ConstrainedSystem, Derivatives, Directions};
 use crate::tangent::Tangent;
 use partita_math::dense::{self, Matrix};
 
@@ -54,6 +55,9 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
 
     fn by_variations(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<()> {
         let (p, w) = self.offsets();
+        if self.without_matrix(t, y, out)? {
+            return Ok(());
+        }
         if !self.tangent.seen().by_clusters() && self.tangent.seen().columns() == self.k {
             self.derivative_of_levels(t, y)?;
             return vary(self.tangent.reduction(), (t, self.positions.q()), (p, y.len()), out);
@@ -70,10 +74,146 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         vary(&mut full, (t, q), (p, y.len()), out)
     }
 
+    /// As the entries of sparse equations; false where a matrix costs less, or the system does not know its couplings.
+    fn without_matrix(&mut self, t: f64, y: &[f64], out: &mut LinearRates) -> Result<bool> {
+        let r = self.tangent.seen();
+        let (n, k, rank) = (r.size().nv, r.k(), r.rank());
+        let counted = out.route == Route::Counted;
+        if out.route == Route::Dense || counted && cost_of_matrix(n, k) <= least_cost(n, rank) {
+            return Ok(false);
+        }
+        let system = r.system.clone();
+        let Some(expanded) = system.expanded() else { return Ok(false) };
+        let partition = &r.planned.partition;
+        let chosen = (&partition.rows[..], &partition.dependent[..], &partition.independent[..]);
+        let known = out.sparse.as_ref().is_some_and(|x| x.plan().is_for(chosen));
+        if known && counted && out.sparse.as_ref().is_some_and(|x| x.costs_more) {
+            return Ok(false);
+        }
+        if !known {
+            let structure = system.structure();
+            let own = |i: usize| structure.coordinates_of(i);
+            let turning = |i: usize| match own(i).len() {
+                1 => Vec::new(),
+                _ => (0..n).filter(|&j| own(j) == own(i)).collect(),
+            };
+            let patterns = (expanded.clone(), system.pattern().clone());
+            let plan = SparsePlan::new(patterns, chosen, (0..n).map(turning).collect());
+            out.sparse = Some(Box::new(SparseRates::new(plan.into())));
+        }
+        self.derivative_of_levels(t, y)?;
+        let (p, _) = self.offsets();
+        let r = self.tangent.reduction();
+        differentiate(r, (t, &y[..p]), out)?;
+        let Some(sparse) = &mut out.sparse else { return Ok(false) };
+        if counted && !known {
+            let cost = sparse.multiplications().map(|m| cost_of_sparse(system.expansion_cost(), m));
+            sparse.costs_more = cost.is_none_or(|cost| cost >= cost_of_matrix(n, k));
+        }
+        Ok(!(counted && sparse.costs_more))
+    }
+
     /// All levels at (t, y), without their rates.
     fn derivative_of_levels(&mut self, t: f64, y: &[f64]) -> Result<()> {
         self.levels(t, y, false)
     }
+}
+
+/// Multiplications by which one velocity is differentiated along one direction. Scale: number. Reason: measured, those of
+/// dense factors as the unit.
+const DIFFERENTIATED: usize = 60;
+/// Factorisations for each linearisation. Scale: number. Reason: the length of steps changes more often than the matrix.
+const FACTORED: usize = 10;
+/// Multiplications with a real and with a complex number. Scale: number. Reason: one and four.
+const OF_BOTH: usize = 5;
+/// What a multiplication of sparse factors takes. Scale: those of dense ones. Reason: measured; each finds its place by an index.
+const INDEXED: usize = 3;
+/// What sparse derivatives take. Scale: multiplications in them. Reason: measured, with values, indices, and a share of
+/// the recording.
+const OF_EXPANSION: usize = 8;
+/// Multiplications of sparse factors for each unknown, of which there are hardly fewer. Scale: number. Reason: those of four-bars
+/// side by side.
+const LEAST_FILL: usize = 9;
+/// Multiplications of sparse derivatives for each velocity, of which there are hardly fewer. Scale: number. Reason: those of a
+/// chain of pendulums in absolute coordinates.
+const LEAST_EXPANSION: usize = 90;
+
+/// Multiplications of a linearisation and its factors by a matrix of all degrees of freedom.
+fn cost_of_matrix(n: usize, k: usize) -> usize {
+    3 * DIFFERENTIATED * n * (n + k) + 2 * n * n * k + FACTORED * OF_BOTH * k * k * k / 3
+}
+
+/// The same without one.
+fn cost_of_sparse(expansion: usize, multiplications: usize) -> usize {
+    OF_EXPANSION * expansion + FACTORED * OF_BOTH * INDEXED * multiplications
+}
+
+/// What that costs at least.
+fn least_cost(n: usize, rank: usize) -> usize {
+    cost_of_sparse(LEAST_EXPANSION * n, LEAST_FILL * (n + 3 * rank))
+}
+
+/// The derivatives of the equations at the point to which r belongs, entry by entry, and how x is selected and lifted.
+fn differentiate<S: ConstrainedSystem>(
+    r: &mut Reduction<S>,
+    (t, q): (f64, &[f64]),
+    out: &mut LinearRates,
+) -> Result<()> {
+    out.begin_sparse();
+    let (Some(sparse), Along::Sparse { rates, select, beside }) = (&mut out.sparse, &mut out.along) else {
+        return Ok(());
+    };
+    let mut memory = std::mem::take(&mut sparse.memory);
+    memory.fit(r.size());
+    let PointMemory { vdot, multipliers, columns, by_coordinate, unit, column, moved, before, after } = &mut memory;
+    r.full_acceleration(vdot);
+    r.multipliers(t, q, vdot, multipliers)?;
+    let plan = sparse.plan().clone();
+    let x = sparse.values();
+    x.c.copy_from_slice(&r.at.c);
+    let (system, structure) = (&*r.system, r.system.structure());
+    system.expand(&At { t, q, v: &r.at.v, vdot, multipliers }, &mut x.expanded);
+    out.derivatives = Derivatives::Exact;
+    // N and N⁺, whose columns and rows are perpendicular where a rotation in space has three
+    let n = r.size().nv;
+    let place = |i: usize| plan.turning()[i].iter().position(|&j| j == i).unwrap_or(0);
+    let most = (0..n).map(place).max().unwrap_or(0);
+    for which in 0..=most {
+        (0..n).for_each(|i| unit[i] = f64::from(u8::from(place(i) == which)));
+        system.rate(q, unit, column);
+        for i in (0..n).filter(|&i| place(i) == which) {
+            columns[i].clear();
+            columns[i].extend(structure.coordinates_of(i).map(|l| (l, column[l])));
+        }
+    }
+    let columns = &*columns;
+    let inverse = |i: usize| {
+        let square: f64 = columns[i].iter().map(|e| e.1 * e.1).sum();
+        columns[i].iter().map(move |&(l, x)| (l, x / square))
+    };
+    let turns = |i: usize| !plan.turning()[i].is_empty();
+    system.rate(q, &r.at.v, before);
+    for which in (0..=most).filter(|_| most > 0) {
+        // N is linear in q
+        (0..n).for_each(|i| unit[i] = f64::from(u8::from(place(i) == which && turns(i))));
+        system.rate(q, unit, column);
+        moved.iter_mut().zip(q.iter().zip(&*column)).for_each(|(to, (q, d))| *to = q + d);
+        system.rate(moved, &r.at.v, after);
+        for i in (0..n).filter(|&i| turns(i)) {
+            x.turning[i][which] = inverse(i).map(|(l, x)| x * (after[l] - before[l])).sum();
+        }
+    }
+    by_coordinate.iter_mut().for_each(Vec::clear);
+    (0..n).for_each(|i| columns[i].iter().for_each(|&(l, x)| by_coordinate[l].push((i, x))));
+    [&mut *rates, &mut *select, &mut *beside].into_iter().for_each(Rows::clear);
+    by_coordinate.iter().for_each(|row| rates.push(row.iter().copied()));
+    let partition = &r.planned.partition;
+    partition.independent.iter().for_each(|&i| select.push(inverse(i)));
+    (0..partition.independent.len()).for_each(|i| select.push(std::iter::once((q.len() + i, 1.0))));
+    partition.dependent.iter().for_each(|&i| beside.push(inverse(i)));
+    sparse.settle(r.closing());
+    sparse.memory = memory;
+    Ok(())
 }
 
 /// (V1-V3) at the point to which r belongs. Of the `dim` components of y p are coordinates.
