@@ -298,10 +298,18 @@ def test_symbols_of_a_pendulum_are_those_of_the_textbook() -> None:
     assert f.h == sympy.Matrix([[-mass * g * a * sympy.cos(f.q[0])]])
     assert f.Phi.shape == (0, 1) and f.values == {g: 9.81, mass: 3.0, a: 0.5, inertia: 0.25}
     assert f._repr_latex_() == (
-        r"$\displaystyle \begin{aligned} \left[\begin{matrix}I + a^{2} m\end{matrix}\right] "
-        r"\left[\begin{matrix}\ddot{q}_{A}\end{matrix}\right] &= "
-        r"\left[\begin{matrix}- a g m \cos{\left(q_{A} \right)}\end{matrix}\right] \end{aligned}$"
+        r"$\displaystyle \begin{bmatrix}I + a^{2} m\end{bmatrix} \begin{bmatrix}\ddot{q}_{A}\end{bmatrix} = "
+        r"\begin{bmatrix}- a g m \cos{\left(q_{A} \right)}\end{bmatrix}$"
     )
+
+
+def test_formulas_name_each_matrix_and_show_few_digits() -> None:
+    f = pt.catalogue.load("four-bar").to_sympy()
+    first, *named = f.formulas()
+    assert first == r"M\,\dot v = h + C^T \lambda,\quad \Phi = 0,\quad C\,\dot v + b = 0"
+    assert [text.partition(" = ")[0] for text in named] == [r"\dot v", "M", "h", "C", r"\Phi", "b"]
+    assert all(text in f.latex() for text in named) and "0.1388 m_" in named[1]
+    assert "0.13877 m_" in f.formulas(6)[2]
 
 
 @pytest.mark.parametrize("name", ["four-bar", "slider-crank", "screw-press", "spatial-four-bar"])

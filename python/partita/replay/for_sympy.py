@@ -165,25 +165,32 @@ class SympyEquations(Replayed):
     def _applied(self, entry: Entry, operands: list[Any], _: bool) -> Any:
         return applied(self._sympy, entry, [self._exact(x) for x in operands], self._exact(entry.constant))
 
-    def latex(self, digits: int = 4) -> str:
-        """The equations as LaTeX: M v' = h + C^T lambda with its matrices, then the conditions. Decimal numbers are
-        shown with so many digits; the attributes hold more."""
+    def formulas(self, digits: int = 4) -> list[str]:
+        """The equations as LaTeX, formula by formula: M v' = h; with constraints the equations in short, then each of
+        their matrices. Decimal numbers are shown with so many digits; the attributes hold more."""
         sp = self._sympy
 
         def write(matrix: Any) -> str:
-            return str(sp.latex(matrix.xreplace({x: sp.Float(x, digits) for x in matrix.atoms(sp.Float)})))
+            shown = matrix.xreplace({x: sp.Float(x, digits) for x in matrix.atoms(sp.Float)})
+            return str(sp.latex(shown, mat_str="bmatrix", mat_delim=""))
 
-        vdot, multipliers = sp.Matrix(self.vdot), sp.Matrix(len(self.multipliers), 1, self.multipliers)
-        first = rf"{write(self.M)} {write(vdot)} &= {write(self.h)}"
+        vdot = sp.Matrix(self.vdot)
         if not self.multipliers:
-            return rf"\begin{{aligned}} {first} \end{{aligned}}"
-        lines = [first + rf" + {write(self.C.T)} {write(multipliers)}"]
-        if self.Phi.rows:
-            lines.append(rf"\Phi = {write(self.Phi)} &= 0")
-        if any(x != 0 for x in self.a):
-            lines.append(rf"C\,v + {write(self.a)} &= 0")
-        lines.append(rf"C\,\dot v + {write(self.b)} &= 0")
-        return r"\begin{aligned} " + r" \\ ".join(lines) + r" \end{aligned}"
+            return [f"{write(self.M)} {write(vdot)} = {write(self.h)}"]
+        moves = any(x != 0 for x in self.a)
+        conditions = [r"\Phi = 0"] if self.Phi.rows else []
+        conditions += [r"C\,v + a = 0"] if moves else []
+        first = r",\quad ".join([r"M\,\dot v = h + C^T \lambda", *conditions, r"C\,\dot v + b = 0"])
+        named = {r"\dot v": vdot, "M": self.M, "h": self.h, "C": self.C, r"\Phi": self.Phi, "a": self.a, "b": self.b}
+        left_out = {name for name, matrix in named.items() if not matrix.rows or (name == "a" and not moves)}
+        return [first, *(f"{name} = {write(x)}" for name, x in named.items() if name not in left_out)]
+
+    def latex(self, digits: int = 4) -> str:
+        """The formulas below each other."""
+        formulas = self.formulas(digits)
+        if len(formulas) == 1:
+            return formulas[0]
+        return r"\begin{aligned} & " + r" \\ & ".join(formulas) + r" \end{aligned}"
 
     def _repr_latex_(self) -> str | None:
         text = self.latex() if self._written <= MOST_DISPLAYED else None
