@@ -167,6 +167,17 @@ def test_drives_and_components_of_forces_are_inputs() -> None:
     assert g.inputs == ("motor", "motor.acceleration") and np.array_equal(g.u0, [1.5, 0.0])
     v = np.array(g.velocities(0.0, g.x0, [0.7, 0.0], [])).ravel()
     assert v[g.v_names.index(first)] == pytest.approx(0.7, abs=VALUES)
+    # no degree of freedom is left: x is q, and the multiplier of the drive is its effort
+    whole = pt.catalogue.load("four-bar")
+    whole.add_drive("A", (t, 0.3 * np.sin(2.0 * t)), name="motor")
+    run = whole.simulate(0.4, t_eval=[0.0, 0.4])
+    k = whole.export_casadi(inputs=["motor"], outputs=["multipliers"])
+    state, i = run.state(0.4), k.q_names.index("A")
+    assert k.independent == () and k.state_names == k.q_names
+    u = [state.q[i], state.v[i], run.vdot[-1][i]]
+    assert near(k.rates(0.4, state.q, u, []), state.v, 1e-9)
+    effort = np.array(k.further(0.4, state.q, u, [])).ravel()[-1]
+    assert effort == pytest.approx(np.ravel(run.drive("motor").effort)[-1], abs=1e-8)
 
 
 def test_reactions_are_those_of_a_run_and_those_not_determined_are_refused() -> None:
@@ -227,6 +238,24 @@ def test_no_choice_makes_a_derivative_that_is_no_number() -> None:
         _, back = jax.vjp(lambda x: g.rates(0.0, x), jnp.asarray(x))
         weights = np.random.default_rng(1).normal(size=len(x))
         assert near(back(jnp.asarray(weights))[0], weights @ slope, SLOPES)
+
+
+def test_a_tyre_has_the_slopes_of_the_core() -> None:
+    m = pt.Mechanism("wheel", gravity="-z")
+    wheel = m.add_body("wheel", mass=10.0, inertia=(0.2, 0.4, 0.2), position=(0, 0, 0.29))
+    m.add_free("flight", m.ground, wheel, point=(0, 0, 0.29))
+    m.add_tyre("tyre", wheel, center=(0, 0, 0), axis=(0, 1, 0), radius=0.3, normal=(0, 0, 1), stiffness=2e4,
+               damping=0.1, friction=0.8, longitudinal=5e3, lateral=3e3, slow_speed=0.1)  # fmt: skip
+    f, g, model = m.export_casadi(), m.to_jax(), m.compile()
+    for v in (np.zeros(6), np.array([1.0, 0.1, 0.0, 0.1, 3.0, 0.2])):
+        q, x = f.x0[:7], np.concatenate([f.x0[:7], v])
+        known = model.acceleration(q, v)[0]
+        assert near(f.rates(0.0, x, [], [])[7:], known, VALUES) and near(g.rates(0.0, x)[7:], known, VALUES)
+        slope = np.array(f.rates.jacobian()(0.0, x, [], [], casadi.DM())[1])
+        assert np.isfinite(slope).all()
+        if v.any():
+            differences = central(lambda v, q=q: model.acceleration(q, v)[0], v, 1e-2)
+            assert near(slope[7:, 7:], differences, 1e-7)  # the slip is stiff
 
 
 def test_tables_are_followed_with_their_slopes() -> None:
@@ -362,6 +391,14 @@ def test_what_cannot_be_recorded_is_named() -> None:
     ):
         with pytest.raises(pt.errors.ArgumentError, match=words):
             m.export_casadi(**arguments)
+    m.add_drive("A", velocity=1.0, name="motor")
+    with pytest.raises(pt.errors.ArgumentError, match="'A' is driven by 'motor'"):
+        m.export_casadi(inputs=["A"])
+    light = pt.catalogue.load("planar-pendulum")
+    tip = light.add_body("tip", mass=0.0, inertia=(0, 0, 0), position=(1, 0, 0))
+    light.add_revolute("spins", next(iter(light.bodies)), tip, point=(1, 0, 0))
+    with pytest.raises(pt.errors.DescriptionError, match="mass or a moment of inertia"):
+        light.to_sympy()
     with pytest.raises(pt.errors.ArgumentError, match="state must be"):
         m.export_casadi().state(pt.catalogue.load("andrews-squeezer").assemble())
     with pytest.raises(pt.errors.ArgumentError, match="32 bits"):

@@ -83,20 +83,6 @@ impl NamedRecording {
         })?;
         Ok(Self { recording: recording.lean(), parts })
     }
-
-    /// One part of the outputs for these inputs.
-    pub fn part(&self, name: &str, inputs: &[f64]) -> Vec<f64> {
-        let (mut work, mut out) = (vec![0.0; self.recording.len()], vec![0.0; self.recording.outputs()]);
-        self.recording.evaluate(inputs, &mut work, &mut out);
-        let mut first = 0;
-        for (own, count) in &self.parts {
-            if *own == name {
-                return out[first..first + count].to_vec();
-            }
-            first += count;
-        }
-        Vec::new()
-    }
 }
 
 impl Model {

@@ -1,7 +1,7 @@
 //! The equations of a mechanism as tapes, for tools that replay them.
 
 use crate::arrays::vector;
-use crate::failure::{self, guarded, raise};
+use crate::failure::{self, guarded};
 use crate::model::Model;
 use crate::stepper::{with_inputs, Input};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, ToPyArray};
@@ -61,10 +61,6 @@ pub(crate) fn tapes<'py>(
         let system = |e| failure::system(py, e);
         let rank = start::analyse(&own, t, &q).map_err(system)?.rank;
         let mut r = Reduction::new(&own, rank);
-        if r.k() == 0 {
-            let message = "the mechanism has no degree of freedom, so there are no rates";
-            return Err(raise(py, "ArgumentError", message, &[("argument", "mechanism".into())]));
-        }
         start::choose_partition(&mut r, t, &q, None, independent.as_deref()).map_err(system)?;
         let made = own.tapes(&r, &channels, &parameters).map_err(|e| failure::description(py, &e))?;
         let found = PyDict::new(py);

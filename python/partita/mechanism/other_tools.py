@@ -55,7 +55,7 @@ def export_casadi(
         inputs: u. Names of torques and forces that are numbers (`m.inputs`; "F.x" for a component), an effort [N m, N];
             of joints with one coordinate, an effort along it, at first 0; of drives of a position three numbers (value,
             NAME.rate, NAME.acceleration), of a rate two (value, NAME.acceleration). Of a driven position x holds what u
-            prescribes: `close` makes it so.
+            prescribes: `close` makes it so. Forces and drives come before joints of the same name.
         parameters: p. Names of numbers as in `m.compile().parameters`; those of several become "A.point.x", ...
         outputs: "BODY.position" (3), "BODY.rotation" (3, 3), "JOINT.point" (3), "JOINT.force" and "JOINT.moment" (3) on
             its child, or one component, "JOINT.force.x"; "energy.kinetic", "energy.potential", "v", "vdot",
@@ -69,10 +69,10 @@ def export_casadi(
     Raises:
         MissingDependencyError: CasADi is not installed.
         UnknownNameError: there is no such input, parameter or output.
-        ArgumentError: an output is a reaction that the motion does not determine; the mechanism has no degree of
-            freedom; names or numbers of the wrong kind.
+        ArgumentError: an output is a reaction that the motion does not determine; an effort is asked of what a drive
+            prescribes; names or numbers of the wrong kind.
         DescriptionError: elements that cannot be recorded, by name: Python functions, friction that follows reactions,
-            elements that hold at times; parameters of a repaired drawing.
+            elements that hold at times; parameters of a repaired drawing; a degree of freedom that moves no mass.
         AssemblyError: the loops do not close. SingularityError: a singular position.
 
     It takes milliseconds, and some ten microseconds for each operation when a function is first used
@@ -246,6 +246,7 @@ def _recorded(
     if start.names != model.names:
         q, v = model.core.transferred(layout_of(self, "relative")[0].core, start.q, start.v)
     state = State(start.t, q, v, layout=layout)
+    model.core.acceleration(state.t, state.q, state.v)  # refuses what has no accelerations there, by name
     courses = Courses(acting, model)
     first = courses.first(StateSignals(model.core, state.t, state.q, state.v, model.summary))[0]
     names, u0, counts = _numbers_of(acting, first)
@@ -290,6 +291,13 @@ def _prepared(d: Description, names: list[str]) -> tuple[Description, dict[str, 
         if name in known:
             found[name] = known[name]
             continue
+        drive = next((each.name for each in d.drives.values() if each.measure.get("joint") == name), None)
+        if drive is not None:
+            raise ArgumentError(
+                f"inputs: {name!r} is driven by {drive!r}, so an effort there moves nothing; name the drive, or remove "
+                "it",
+                argument="inputs",
+            )
         own = f"input {name}"
         while own in copy.forces:
             own += "'"
