@@ -571,6 +571,6 @@ def tapes(
     independent: list[int] | None,
 ) -> tuple[dict[str, tuple[Any, ...]], list[int], list[str]]:
     """The equations as tapes in the coordinates chosen at the closed position q, or in those named: "motion", "closed"
-    and "residual", each (codes, operands, constants, outputs, names and sizes of the parts of its outputs); also the
-    independent velocities, and names of operations. Inputs: force and component, or a drive; `first` their numbers as
+    and "residual", each (codes, operands, constants, outputs, names and sizes of parts of its outputs, tables); also
+    the independent velocities, and names of operations. Inputs: force and component, or a drive; `first` their numbers as
     for a stepper; `counts` how many numbers of each are inputs."""

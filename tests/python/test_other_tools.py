@@ -267,6 +267,10 @@ def test_tables_are_followed_with_their_slopes() -> None:
         known = model.acceleration(f.x0[:1], f.x0[1:], t=max(at, 0.0))[0] if 0.0 <= at <= 1.0 else None
         if known is not None:
             assert near(f.rates(at, f.x0, [], [])[1], known, VALUES) and near(g.rates(at, f.x0)[1], known, VALUES)
+    times = jnp.linspace(0.0, 1.0, 40)
+    compiled = jax.jit(g.rates)
+    one_by_one = [float(compiled(t, f.x0)[1]) for t in times]
+    assert near(jax.vmap(lambda t: g.rates(t, f.x0)[1])(times), one_by_one, VALUES)
     slope = jax.jacfwd(lambda t: g.rates(t, f.x0)[1])(0.37)
     h = 1e-3
     rates = [model.acceleration(f.x0[:1], f.x0[1:], t=0.37 + i * h)[0][0] for i in (-2, -1, 1, 2)]

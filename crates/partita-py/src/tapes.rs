@@ -5,7 +5,7 @@ use crate::failure::{self, guarded};
 use crate::model::Model;
 use crate::stepper::{with_inputs, Input};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, ToPyArray};
-use partita_math::scalar::PlainTape;
+use partita_math::scalar::{Lookup, PlainTape};
 use partita_model::motion_programs::Varied;
 use partita_model::tapes::{Channel, NamedRecording};
 use partita_system::prelude::*;
@@ -14,13 +14,17 @@ use partita_system::start;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Codes, operands, constants, outputs, parts.
+/// Breaks and rows of a table.
+type PlainTable<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// Codes, operands, constants, outputs, parts, tables.
 type Plain<'py> = (
     Bound<'py, PyArray1<u8>>,
     Bound<'py, PyArray2<u32>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<u32>>,
     Vec<(&'static str, usize)>,
+    Vec<PlainTable<'py>>,
 );
 
 /// The tapes by name, the independent velocities, names of operations.
@@ -31,11 +35,17 @@ fn plain<'py>(py: Python<'py>, made: &NamedRecording) -> PyResult<Plain<'py>> {
     let operands: Vec<Vec<u32>> = tape.operands.iter().map(|x| x.to_vec()).collect();
     let operands = PyArray2::from_vec2(py, &operands)?;
     let (codes, constants) = (tape.codes.to_pyarray(py), tape.constants.to_pyarray(py));
-    Ok((codes, operands, constants, tape.outputs.to_pyarray(py), made.parts.clone()))
+    let table = |x: &Lookup| {
+        let (breaks, rows) = x.table();
+        let rows: Vec<Vec<f64>> = rows.iter().map(|x| x.to_vec()).collect();
+        Ok::<_, PyErr>((breaks.to_pyarray(py), PyArray2::from_vec2(py, &rows)?))
+    };
+    let tables = tape.tables.iter().map(table).collect::<PyResult<Vec<_>>>()?;
+    Ok((codes, operands, constants, tape.outputs.to_pyarray(py), made.parts.clone(), tables))
 }
 
 /// The equations as tapes in the coordinates chosen at the closed position q, or in those named: "motion", "closed" and
-/// "residual", each (codes, operands, constants, outputs, names and sizes of the parts of its outputs); also the
+/// "residual", each (codes, operands, constants, outputs, names and sizes of the parts of its outputs, tables); also the
 /// independent velocities, and names of operations. Inputs: force and component, or a drive; their first numbers, as for a
 /// stepper; and how many numbers of each are inputs.
 #[pyfunction]

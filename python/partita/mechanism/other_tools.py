@@ -76,7 +76,7 @@ def export_casadi(
         AssemblyError: the loops do not close. SingularityError: a singular position.
 
     It takes milliseconds, and some ten microseconds for each operation when a function is first used
-    (`operations`). A table costs six operations for each of its intervals.
+    (`operations`); a table costs five choices for each of its intervals.
 
     >>> import partita as pt
     >>> m = pt.catalogue.load("four-bar")

@@ -178,6 +178,11 @@ def applied(ca: Any, entry: Entry, x: list[Any], unselected: bool) -> Any:
             return ca.if_else(x[0] >= entry.constant, 1, -1)
         case "scale":
             return x[0] * entry.constant
+        case "interval":
+            at, breaks, (found, *numbers) = x
+            for start, number in zip(breaks, numbers, strict=True):
+                found = ca.if_else(at >= start, number, found)
+            return found
     raise NotImplementedError(entry.operation)  # a new operation of the core
 
 

@@ -117,6 +117,9 @@ class JaxEquations(Replayed):
         names = _RESIDUAL if tape_name == "residual" else _MOTION
         text = source(name, tape, entries(tape), [(x, self._recorded.sizes[x]) for x in names])
         space = helpers(self._jnp)
+        for i, table in enumerate(tape.tables):
+            # arrays of JAX made while a function is traced would belong to that trace
+            space |= {f"breaks{i}": table.breaks, f"rows{i}": table.numbers}
         exec(compile(text, f"<{name} of {self._recorded.mechanism}>", "exec"), space)
         return space[name]
 
@@ -175,12 +178,19 @@ def source(name: str, tape: Tape, wanted: list[int], arguments: Sequence[tuple[s
             inputs += own
     entries = list(tape.needed(wanted))
     aside = unselected(entries)
-    names = dict[int, str]()
+    names, rows = dict[int, str](), dict[tuple[str, int], str]()
     for entry in entries:
         if entry.operation == "input":
             names[entry.number] = inputs[int(entry.constant)]
         elif entry.operation == "constant":
             names[entry.number] = _number(entry.constant)
+        elif entry.operation == "interval":
+            key = names[entry.operands[0]], entry.table
+            if key not in rows:
+                rows[key] = f"r{entry.number}"
+                lines.append(f"    {rows[key]} = asarray(rows{entry.table})[jnp.sum({key[0]} >= breaks{entry.table})]")
+            names[entry.number] = f"e{entry.number}"
+            lines.append(f"    e{entry.number} = {rows[key]}[{int(entry.constant)}]")
         else:
             names[entry.number] = f"e{entry.number}"
             lines.append(f"    e{entry.number} = {_line(entry, names, entry.number in aside)}")

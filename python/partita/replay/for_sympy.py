@@ -81,14 +81,14 @@ class SympyEquations(Replayed):
             self.symbols[name] = self._symbols(name, values, chosen[name])
             numbers += self.symbols[name]
         inputs = [self.t, *self.q, *self.v, *self.u, *numbers]
-        values = tape.replayed([int(i) for i in tape.outputs], inputs, self._applied)
+        entries = tape.replayed([int(i) for i in tape.outputs], inputs, self._applied)
         nv = len(self.v_names)
         for name, (first, size) in tape.spans.items():
             sizes = written[first : first + size]
             neatly = [neat and count <= MOST_SIMPLIFIED for count in sizes]
             own = [
                 self._neat(x) if one else self._plain(x)
-                for x, one in zip(values[first : first + size], neatly, strict=True)
+                for x, one in zip(entries[first : first + size], neatly, strict=True)
             ]
             rows, columns = (size // nv, nv) if name in ("M", "C") else (size, 1)
             setattr(self, "Phi" if name == "phi" else name, sp.Matrix(rows, columns, own))
@@ -163,7 +163,8 @@ class SympyEquations(Replayed):
         return sp.factor_terms(self._rounded(summed), clear=False)
 
     def _applied(self, entry: Entry, operands: list[Any], _: bool) -> Any:
-        return applied(self._sympy, entry, [self._exact(x) for x in operands], self._exact(entry.constant))
+        exact = [[self._exact(y) for y in x] if isinstance(x, list) else self._exact(x) for x in operands]
+        return applied(self._sympy, entry, exact, self._exact(entry.constant))
 
     def formulas(self, digits: int = 4) -> list[str]:
         """The equations as LaTeX, formula by formula: M v' = h; with constraints the equations in short, then each of
@@ -246,4 +247,8 @@ def applied(sp: Any, entry: Entry, x: list[Any], c: Any) -> Any:
             return sp.Piecewise((1, x[0] >= c), (-1, True))
         case "scale":
             return x[0] * c
+        case "interval":
+            at, breaks, numbers = x
+            pieces = [(number, at < end) for number, end in zip(numbers, breaks, strict=False)]
+            return sp.Piecewise(*pieces, (numbers[-1], True))
     raise NotImplementedError(entry.operation)  # a new operation of the core

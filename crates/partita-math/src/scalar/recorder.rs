@@ -367,7 +367,7 @@ impl Recording {
     }
 
     /// As [`new`](Self::new), where the numbers given from outside (see [`Functions::given`]) are what `given` makes of the
-    /// inputs.
+    /// inputs, and intervals of tables are inputs after them (see [`lookups`](Self::lookups)).
     pub fn with_given<E>(
         inputs: usize,
         given: impl FnOnce(&[Recorder]) -> Vec<Recorder>,
@@ -375,7 +375,7 @@ impl Recording {
     ) -> Result<Self, E> {
         Self::new(inputs, |x| {
             let made = given(x);
-            TAPE.with_borrow_mut(|tape| tape.given = made);
+            TAPE.with_borrow_mut(|tape| (tape.given, tape.known) = (made, Some(HashMap::new())));
             f(x)
         })
     }

@@ -1,25 +1,29 @@
 //! A recording as plain data, for programs that replay it over numbers of their own.
 
 use super::lean::key;
-use super::Recording;
+use super::{Lookup, Operation, Recording};
 
 /// The operations of a recording, each an entry whose operands are indices of earlier entries.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct PlainTape {
     /// Of each entry its operation, an index in [`OPERATIONS`](Self::OPERATIONS).
     pub codes: Vec<u8>,
-    /// Of each entry its operands, as many as the operation has, then 0; of an input its number.
+    /// Of each entry its operands, as many as the operation has, then 0; of an input its number; of an interval what is
+    /// looked up, the table, and which of [`Lookup::NUMBERS`].
     pub operands: Vec<[u32; 3]>,
     /// Of each entry the constant that belongs to it: the constant itself, an exponent, a break, a factor; else 0.
     pub constants: Vec<f64>,
     /// The entry of each output.
     pub outputs: Vec<u32>,
+    /// Tables in which numbers are looked up.
+    pub tables: Vec<Lookup>,
 }
 
 impl PlainTape {
     /// Names of the operations, in the order of their codes. `over_or_zero` is x / y, 0 where y is 0; `where_positive` is y
-    /// where x > 0, else z; `reached` is 1 where x is at or above the constant, else −1; `round` rounds halves away from 0.
-    pub const OPERATIONS: [&str; 21] = [
+    /// where x > 0, else z; `reached` is 1 where x is at or above the constant, else −1; `round` rounds halves away from 0;
+    /// `interval` is the start, or a coefficient, of the interval of a table that x is in.
+    pub const OPERATIONS: [&str; 22] = [
         "input",
         "constant",
         "add",
@@ -41,18 +45,33 @@ impl PlainTape {
         "where_positive",
         "reached",
         "scale",
+        "interval",
     ];
 }
 
 impl Recording {
+    /// Code of an interval.
+    const INTERVAL: u8 = 21;
+
     /// The recording as plain data. Prefer a [`lean`](Self::lean) one.
     pub fn tape(&self) -> PlainTape {
-        let keys: Vec<_> = self.operations.iter().map(|x| key(*x)).collect();
+        let own = self.inputs - Lookup::NUMBERS * self.lookups.len();
+        // what is looked up comes after the outputs
+        let (outputs, seen) = self.outputs.split_at(self.outputs.len() - self.lookups.len());
+        let entry = |x: &Operation| match *x {
+            Operation::Input(k) if k as usize >= own => {
+                let (table, part) = ((k as usize - own) / Lookup::NUMBERS, (k as usize - own) % Lookup::NUMBERS);
+                (Self::INTERVAL, [seen[table], table as u32, part as u32], 0)
+            }
+            _ => key(*x),
+        };
+        let entries: Vec<_> = self.operations.iter().map(entry).collect();
         PlainTape {
-            codes: keys.iter().map(|x| x.0).collect(),
-            operands: keys.iter().map(|x| x.1).collect(),
-            constants: keys.iter().map(|x| f64::from_bits(x.2)).collect(),
-            outputs: self.outputs.clone(),
+            codes: entries.iter().map(|x| x.0).collect(),
+            operands: entries.iter().map(|x| x.1).collect(),
+            constants: entries.iter().map(|x| f64::from_bits(x.2)).collect(),
+            outputs: outputs.to_vec(),
+            tables: self.lookups.clone(),
         }
     }
 }
@@ -90,6 +109,10 @@ mod tests {
                 "reached" if at(i) >= c => 1.0,
                 "reached" => -1.0,
                 "scale" => at(i) * c,
+                "interval" => {
+                    let table = &tape.tables[j as usize];
+                    table.numbers(table.interval(at(i), 0))[k as usize]
+                }
                 other => panic!("{other} is no operation"),
             });
         }
@@ -107,9 +130,12 @@ mod tests {
             Ok::<_, ()>([&sums[..], &roots, &cases].concat())
         };
         let mut random = fastrand::Rng::with_seed(11);
-        for made in [Recording::new(3, record).unwrap(), Recording::new(3, record).unwrap().lean()] {
-            let (tape, mut work) = (made.tape(), vec![0.0; made.len()]);
-            assert_eq!(tape.codes.len(), made.len());
+        let made = Recording::new(3, record).unwrap();
+        let looked_up = Recording::with_given(3, |_| Vec::new(), record).unwrap();
+        let mut work = vec![0.0; made.len()];
+        for other in [made.clone(), made.lean(), looked_up.clone(), looked_up.lean()] {
+            let tape = other.tape();
+            assert_eq!((tape.codes.len(), tape.tables.len()), (other.len(), other.lookups().len()));
             for _ in 0..20 {
                 let x = [0; 3].map(|_| 4.0 * random.f64() - 2.0);
                 let mut out = vec![0.0; made.outputs()];
