@@ -9,7 +9,9 @@ python tools/docs.py --look FOLDER    a rendered site in Chromium: nothing cut o
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
+import io
 import json
 import re
 import sys
@@ -247,6 +249,15 @@ def capital(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
+def sympy_page(number: int) -> str:
+    """The formulas of the mechanism that a block of the page on SymPy makes, after the blocks before it."""
+    names: dict[str, Any] = {}
+    for code in re.findall(r"```python\n(.*?)```", (DOCS / "sympy.md").read_text("utf-8"), re.DOTALL)[: number + 1]:
+        with contextlib.redirect_stdout(io.StringIO()):
+            exec(code, names)
+    return "\n".join(f"```math\n{formula}\n```" for formula in names["f"].formulas())
+
+
 GENERATED: dict[str, Callable[[], str]] = {
     "catalogue": catalogue_page,
     "zoo": zoo_page,
@@ -258,6 +269,8 @@ GENERATED: dict[str, Callable[[], str]] = {
     "tolerances": tolerances_page,
     "materials": materials_page,
     "labels": labels_page,
+    "sympy-pendulum": lambda: sympy_page(0),
+    "sympy-four-bar": lambda: sympy_page(1),
 }
 
 

@@ -560,3 +560,17 @@ def increasing(times: object, t0: float, t_end: float) -> Array | None:
     """Times that increase from t0 to t_end, as a flat array; None for others."""
 
 def version() -> str: ...
+def tapes(
+    model: Model,
+    t: float,
+    q: Array,
+    inputs: list[tuple[int, int | None]],
+    first: list[float],
+    counts: list[int],
+    parameters: list[tuple[str, int]],
+    independent: list[int] | None,
+) -> tuple[dict[str, tuple[Any, ...]], list[int], list[str]]:
+    """The equations as tapes in the coordinates chosen at the closed position q, or in those named: "motion", "closed"
+    and "residual", each (codes, operands, constants, outputs, names and sizes of parts of its outputs, tables); also
+    the independent velocities, and names of operations. Inputs: force and component, or a drive; `first` their numbers as
+    for a stepper; `counts` how many numbers of each are inputs."""

@@ -11,7 +11,7 @@ import partita as pt
 
 HEAVY = (
     "scipy", "matplotlib", "xarray", "pandas", "pyarrow", "h5py", "h5netcdf", "zarr", "tqdm", "yaml", "mujoco",
-    "jsonschema", "multiprocessing", "viser",
+    "jsonschema", "multiprocessing", "viser", "casadi", "jax", "sympy",
 )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ mod recorder;
 pub use dual::Dual;
 pub use lanes::Lanes;
 pub(crate) use recorder::Operation;
-pub use recorder::{head as c_head, Lookup, Module, Numbers, OperationCounts, Recorder, Recording};
+pub use recorder::{head as c_head, Lookup, Module, Numbers, OperationCounts, PlainTape, Recorder, Recording};
 
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};

@@ -48,6 +48,7 @@ pub mod shown;
 mod sparse_mass;
 pub mod spec;
 pub mod spin;
+pub mod tapes;
 pub mod time_domain;
 pub mod topology;
 mod transfer;

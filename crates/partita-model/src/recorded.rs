@@ -52,7 +52,7 @@ fn lower<S: Scalar>(full: &[S], n: usize) -> impl Iterator<Item = S> + '_ {
 
 impl<S: Scalar> Evaluator<S> {
     /// Poses of bodies and points of joints in the world, after [`look`](Self::look).
-    fn poses_and_points(&self, s: &Scratch<S>) -> (Vec<S>, Vec<S>) {
+    pub(crate) fn poses_and_points(&self, s: &Scratch<S>) -> (Vec<S>, Vec<S>) {
         let out = Mat3::<S>::from_f64(self.placed.basis.transpose().0);
         let (mut bodies, mut joints) = (Vec::new(), Vec::new());
         for (body, n) in self.placed.bodies.iter().zip(&self.numbers.bodies) {

@@ -23,6 +23,7 @@ mod state;
 mod stepper;
 mod summary;
 mod tangent;
+mod tapes;
 mod toml;
 mod user_system;
 mod waiting;
@@ -56,6 +57,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<run::Account>()?;
     m.add_class::<run::Options>()?;
     m.add_class::<stepper::Stepper>()?;
+    m.add_function(wrap_pyfunction!(tapes::tapes, m)?)?;
     m.add_function(wrap_pyfunction!(maps::singularities, m)?)?;
     m.add_function(wrap_pyfunction!(maps::measures, m)?)?;
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;

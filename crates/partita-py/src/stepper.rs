@@ -160,6 +160,29 @@ fn no_input(py: Python<'_>) -> PyErr {
     )
 }
 
+/// The model with these inputs as numbers given from outside, and what holds them: at first these.
+pub(crate) fn with_inputs(
+    py: Python<'_>,
+    model: &Model,
+    inputs: &[Input],
+    first: &[f64],
+) -> PyResult<(Model, Arc<Held>)> {
+    let kinds: Vec<Kind> = inputs.iter().map(kind).collect();
+    let held = Arc::new(Held::new(model.functions(), &kinds));
+    if first.len() != held.count() {
+        return Err(failure::unexpected(format!("{} numbers for {} inputs", first.len(), inputs.len())));
+    }
+    held.set(first);
+    let number = held.first();
+    let spec = replaced(&model.spec, inputs, |i| Value::Function(number + i)).ok_or_else(|| no_input(py))?;
+    let own = Model::new(spec, held.clone(), model.coordinates()).map_err(|e| failure::description(py, &e))?;
+    let size = own.size();
+    if (size.nq, size.nv, size.rows) != (model.size().nq, model.size().nv, model.size().rows) {
+        return Err(failure::unexpected("inputs changed the coordinates of the model".into()));
+    }
+    Ok((own, held))
+}
+
 impl Stepper {
     /// For a compiled model; `start` is a closed state of it.
     fn around(
@@ -172,19 +195,7 @@ impl Stepper {
         (keeps, events, acting): (bool, Option<EventList>, Option<Acting>),
     ) -> PyResult<Self> {
         let drives = acting.as_ref().map(|x| x.0.clone());
-        let kinds: Vec<Kind> = inputs.iter().map(kind).collect();
-        let held = Arc::new(Held::new(model.functions(), &kinds));
-        if first.len() != held.count() {
-            return Err(failure::unexpected(format!("{} numbers for {} inputs", first.len(), inputs.len())));
-        }
-        held.set(&first);
-        let number = held.first();
-        let spec = replaced(&model.spec, &inputs, |i| Value::Function(number + i)).ok_or_else(|| no_input(py))?;
-        let own = Model::new(spec, held.clone(), model.coordinates()).map_err(|e| failure::description(py, &e))?;
-        let size = own.size();
-        if (size.nq, size.nv, size.rows) != (model.size().nq, model.size().nv, model.size().rows) {
-            return Err(failure::unexpected("inputs changed the coordinates of the model".into()));
-        }
+        let (own, held) = with_inputs(py, model, &inputs, &first)?;
         let mut model = Arc::new(own);
         let events = events.map(Events::new).transpose()?;
         let motion = match (events, acting) {

@@ -203,7 +203,7 @@ impl<'c, N: Scalar, L: LevelsOver<N>> Evaluation<'c, N, L> {
         Ok(())
     }
 
-    /// `q_D ← q_D − C_D⁻¹ Φ`, where all rows kept are holonomic.                           (34)
+    /// `q_D ← q_D − C_D⁻¹ Φ`; rows that are not holonomic are kept to the first order.              (34)
     pub fn correct(&mut self, t: N, q: &mut [N]) -> Result<()> {
         self.position(t, q)?;
         self.put_on(q);
@@ -221,16 +221,10 @@ impl<'c, N: Scalar, L: LevelsOver<N>> Evaluation<'c, N, L> {
 
     /// The correction for Φ at the position last evaluated.                                (34)
     fn put_on(&mut self, q: &mut [N]) {
-        let (choice, dv) = (self.choice, &mut self.work[..self.v.len()]);
-        dv.fill(N::zero());
-        if let Some(plan) = choice.plan {
-            let x = &mut self.rhs[..choice.rows.len()];
-            let open = |row: usize| self.phi.get(row).map_or(N::zero(), |phi| -*phi);
-            x.iter_mut().zip(choice.rows).for_each(|(x, &row)| *x = open(row));
-            plan.solve(&self.factors, x, 1);
-            choice.put_dependent(x, dv);
-        }
-        self.of.step(q, dv);
+        let mut dv = std::mem::take(&mut self.work);
+        self.closing(&mut dv[..self.v.len()]);
+        self.of.step(q, &dv[..self.v.len()]);
+        self.work = dv;
     }
 
     /// v at (t, q, v_I).                                                                    (P2)
@@ -247,6 +241,18 @@ impl<'c, N: Scalar, L: LevelsOver<N>> Evaluation<'c, N, L> {
         self.of.inverse_dynamics(t, q, &self.v, &self.vdot, &mut residual)?;
         self.choice.multipliers(&self.factors, &residual, &mut self.work, out);
         Ok(())
+    }
+
+    /// The displacement `−C_D⁻¹ Φ` of the dependent velocities at the position evaluated last.              (34)
+    pub fn closing(&mut self, dv: &mut [N]) {
+        dv.fill(N::zero());
+        let Some(plan) = self.choice.plan else { return };
+        let x = &mut self.rhs[..self.choice.rows.len()];
+        for (x, &row) in x.iter_mut().zip(self.choice.rows) {
+            *x = self.phi.get(row).map_or(N::zero(), |phi| -*phi);
+        }
+        plan.solve(&self.factors, x, 1);
+        self.choice.put_dependent(x, dv);
     }
 
     /// 1 / pivots of C_D, in the order of the elimination.

@@ -324,6 +324,10 @@ class CompiledModel(Equations):
         """The stepper of the core behind `Mechanism.stepper`; for tools."""
         return _core.Stepper(self.core, *arguments)
 
+    def _taped(self, *arguments: Any) -> tuple[dict[str, tuple[Any, ...]], list[int], list[str]]:
+        """The tapes of the core behind `Mechanism.to_jax` and its like; for tools."""
+        return _core.tapes(self.core, *arguments)
+
     def actuated(self, state: State, actuators: Any) -> Actuated:
         """The equations of motion in the rates of as many actuators as degrees of freedom: mass matrix, bias, gravity,
         transmission ratios, Jacobians and margin at one state. For control and drive design; drives are left out.

@@ -25,6 +25,7 @@ from .inverse import inverse_dynamics
 from .kinematics import kinematics
 from .linear import linearize
 from .models import Modelled
+from .other_tools import export_casadi, to_jax, to_sympy
 from .placement import placement
 from .playground import to_playground
 from .poses import assemble_many
@@ -110,6 +111,9 @@ class Mechanism(Modelled):
     check = check
     to_fmu = to_fmu
     export_c = export_c
+    export_casadi = export_casadi
+    to_jax = to_jax
+    to_sympy = to_sympy
     to_playground = to_playground
     show = seen.show
     plot = seen.plot

@@ -12,11 +12,13 @@ mod lean;
 mod lookup;
 mod module;
 mod reverse;
+mod tape;
 
 pub use c::{head, Numbers};
 pub use counts::OperationCounts;
 pub use lookup::Lookup;
 pub use module::Module;
+pub use tape::PlainTape;
 
 use super::{Arguments, Cases, Functions, Scalar};
 use lean::{Numbered, Once};
@@ -363,6 +365,20 @@ impl Recording {
     /// Fails where `f` fails.
     pub fn new<E>(inputs: usize, f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>) -> Result<Self, E> {
         Self::record(Once::Nothing, MOST, [inputs, 0], f).map(|(made, _)| made)
+    }
+
+    /// As [`new`](Self::new), where the numbers given from outside (see [`Functions::given`]) are what `given` makes of the
+    /// inputs, and intervals of tables are inputs after them (see [`lookups`](Self::lookups)).
+    pub fn with_given<E>(
+        inputs: usize,
+        given: impl FnOnce(&[Recorder]) -> Vec<Recorder>,
+        f: impl FnOnce(&[Recorder]) -> Result<Vec<Recorder>, E>,
+    ) -> Result<Self, E> {
+        Self::new(inputs, |x| {
+            let made = given(x);
+            TAPE.with_borrow_mut(|tape| (tape.given, tape.known) = (made, Some(HashMap::new())));
+            f(x)
+        })
     }
 
     /// The recording of a function of many parts, reduced as [`lean`](Self::lean) does, but for equal operations on

@@ -8,10 +8,10 @@ use rustc_hash::FxBuildHasher;
 use std::borrow::Cow;
 use std::hash::BuildHasher;
 
-/// An operation as a key: its kind, its operands, the bits of its constant.
+/// An operation as a key: its kind (see [`PlainTape`](super::PlainTape)), its operands, the bits of its constant.
 type Key = (u8, [u32; 3], u64);
 
-fn key(operation: Operation) -> Key {
+pub(super) fn key(operation: Operation) -> Key {
     use Operation as O;
     match operation {
         O::Input(k) => (0, [k, 0, 0], 0),

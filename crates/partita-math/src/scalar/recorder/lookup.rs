@@ -21,6 +21,11 @@ impl Lookup {
         self.breaks == breaks && self.rows == rows
     }
 
+    /// Breaks, and rows of the intervals.
+    pub fn table(&self) -> (&[f64], &[[f64; 4]]) {
+        (&self.breaks, &self.rows)
+    }
+
     /// The interval that x is in; at once if it is the one before.
     pub fn interval(&self, x: f64, before: usize) -> usize {
         let count = self.rows.len();
