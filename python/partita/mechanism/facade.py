@@ -19,6 +19,7 @@ from .ensemble import ensemble
 from .equilibrium import equilibria, equilibrium
 from .exporting import export_c
 from .fmu import to_fmu
+from .identify import identifiability, identify
 from .inverse import inverse_dynamics
 from .kinematics import kinematics
 from .linear import linearize
@@ -92,6 +93,8 @@ class Mechanism(Modelled):
     simulate = solve.simulate
     ensemble = ensemble
     inverse_dynamics = inverse_dynamics
+    identifiability = identifiability
+    identify = identify
     inputs = property(stepping.inputs)
     stepper = stepping.stepper
     compare = compare_mechanism

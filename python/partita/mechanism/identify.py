@@ -1,0 +1,900 @@
+"""The methods `identifiability` and `identify`: numbers of a mechanism from logs of motions and efforts."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..analyses.identification import (
+    SHARP,
+    Combination,
+    Identifiability,
+    Identification,
+    direction_in_words,
+    no_measurements,
+)
+from ..builder.actuators import Actuator
+from ..builder.changes import remove
+from ..builder.compiled import CompiledModel
+from ..builder.regression import least_squares, regressor
+from ..errors import ArgumentError, AssemblyError, DescriptionError, SingularityError, UnknownNameError
+from ..naming import listed
+from ..numeric import is_list, shown
+from ..options import si
+from ..state import State
+from ..tolerance import EQUAL
+from ..units import Quantity
+from .goals import goals_of, units_of
+from .identified import Parameters, parameters_of
+from .inverse import inverse_dynamics
+from .kinematics import kinematics
+from .logs import (
+    Channel,
+    Courses,
+    Filter,
+    channel_of,
+    courses_of,
+    differentiated,
+    filter_of,
+    table_of,
+    times_of,
+)
+from .models import Modelled, layout_of
+from .set_valued import without_holding
+from .solve import assemble
+
+Array = NDArray[np.float64]
+ANY, REST = "any", "rest"
+SEED = 1
+"""Seed of random states."""
+RICH_STATES = 6
+"""Random states for each parameter."""
+FEWEST_STATES = 60
+"""Random states, at least."""
+ATTEMPTS = 5
+"""Rounds in which random positions are tried until enough of them close."""
+REACH = 0.35
+"""Half of the range of random positions. Unit: rad, or a length of the mechanism. Reason: most mechanisms stay on their
+branch."""
+GRAVITY = 9.81
+"""Acceleration of gravity that is tried where there is none. Unit: m/s^2. Reason: it is that of the earth."""
+MOST_STEPS = 30
+"""Steps of Gauss and Newton."""
+HALVINGS = 10
+"""Times that a step is halved."""
+STEP_SETTLED = 1e-9
+"""A step of Gauss and Newton that is smaller ends the search. Scale: natural sizes of the parameters. Reason: nine
+digits, more than data hold."""
+FIT_SETTLED = 1e-9
+"""A fit that improves by less has settled. Scale: fraction of the sum of squares. Reason: far below what noise
+changes."""
+CORRELATED = 0.5
+"""Neighbouring residuals with a larger correlation are not independent. Scale: correlation. Reason: a third of the
+samples then count."""
+EXCEEDS = 1.5
+"""Residuals larger than the given noise by this are no noise. Scale: ratio. Reason: far beyond the scatter of a mean
+over a hundred samples."""
+
+
+def identifiability(
+    self: Modelled,
+    motion: Any = ANY,
+    by: Iterable[Any] | None = None,
+    *,
+    actuators: Any = None,
+    measured: Iterable[str] | None = None,
+    near: State | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
+) -> Identifiability:
+    """Find which parameters, and which combinations of parameters, efforts and forces along a motion determine.
+
+    The regressor (derivatives of what is measured with respect to the parameters, exact to rounding, loops closed) is
+    computed along the motion without noise; its rank is decided at the widest gap of its singular values in natural
+    sizes. Prefer it to `identify` before anything is measured: for the choice of sensors and of motions.
+
+    Args:
+        motion: "any": random positions near the drawing with random rates and accelerations, which show what any motion
+            can determine; "rest": the same positions at rest; or data as in `identify`, of which the positions, rates
+            and accelerations are used.
+        by: parameters, as in `identify`; None: all inertial parameters of all bodies that move.
+        actuators: as in `inverse_dynamics`, one for each degree of freedom; None: what the drives prescribe.
+        measured: names of channels: "effort.A" of an actuator, "ground.force.x" and "ground.moment.z" (sum over all
+            joints on the ground, moments about the origin of the world), "joint.C.force.x" and "joint.C.moment.z" as
+            in `Result.joint`, world axes. None: the efforts of all actuators.
+        near: state that defines the branch, as in `kinematics`; None: the drawing.
+        parameters: as in `simulate`.
+
+    Returns:
+        `Identifiability`: the rank, the base parameters, what is never seen, and hints on further sensors and motions.
+
+    Raises:
+        ArgumentError: actuators are fewer or more than the degrees of freedom, a reaction is not determined by the
+            motion, the positions do not determine the motion. UnknownNameError: a name does not exist.
+
+    Cost: that of some hundred evaluations of the equations with derivatives in eight directions at a time.
+
+    References: M. Gautier, W. Khalil, "Direct calculation of minimum set of inertial parameters of serial robots", IEEE
+    Trans. Robotics and Automation 6 (1990); S. Bennis, W. Khalil, "Minimum inertial parameters of robots with
+    parallelogram closed-loops", IEEE Trans. Systems, Man, and Cybernetics 21 (1991).
+
+    >>> import partita as pt
+    >>> m = pt.catalogue.load("four-bar")
+    >>> m.identifiability(actuators=["A"])
+    <Identifiability of 'four-bar' by effort.A: 8 of 12 parameters; 2 never seen>
+    >>> m.identifiability("rest", actuators=["A"]).rank            # at rest no inertia matters
+    4
+    """
+    study = _Study(self, actuators, parameters, near, by)
+    channels = study.channels(measured, None)
+    if isinstance(motion, str) and motion in (ANY, REST):
+        found, notes = study.random(REST == motion), ()
+    else:
+        columns = table_of("motion", motion)
+        found, notes = study.closed(study.motion(columns, None, None), study.parameters)
+    return study.identifiability(channels, study.evaluated(found, study.parameters, channels), (*study.notes, *notes))
+
+
+def identify(
+    self: Modelled,
+    data: Any,
+    by: Iterable[Any] | None = None,
+    *,
+    actuators: Any = None,
+    measured: Iterable[str] | None = None,
+    positions: Iterable[str] | None = None,
+    noise: Mapping[str, float] | None = None,
+    cutoff: Quantity | None = None,
+    near: State | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
+) -> Identification:
+    """Identify numbers of the mechanism from a log of its motion with efforts and forces, by least squares.
+
+    First it is found which combinations of the parameters the motion determines at all (rank of the regressor without
+    noise), then their values by weighted least squares with exact derivatives: in one step where all parameters enter
+    linearly (inertial parameters), by Gauss-Newton steps else (points, lengths, centres of mass). What the data do not
+    determine changes least from the present numbers, in natural sizes, and is named; so are directions that the noise
+    drowns.
+
+    Args:
+        data: columns by name: a dict of arrays (nt,), a DataFrame (its index is the time unless there is a column "t"),
+            a Dataset, or the path of a CSV file with units in brackets, all named as results name them: "t" [s];
+            "joint.A.position" (or "q.A", or "A") [rad, m], and if known "joint.A.velocity" and
+            "joint.A.acceleration"; "effort.A" (or "joint.A.drive"); "ground.force.x", "joint.C.force.y", ... SI units.
+        by: parameters. A body's name stands for all of its inertial parameters, which are the default, of all bodies
+            that move: mass, first moment of mass and moments of inertia about the point of one of its joints, named
+            "crank.mass", "crank.first_moment.x", "crank.inertia_about_A.zz" (body axes; in a planar mechanism the four
+            that matter). Else names of `CompiledModel.parameters`: "crank.com.x", "B.point", "spring.stiffness".
+        actuators: as in `inverse_dynamics`, one for each degree of freedom; None: what the drives prescribe, or, without
+            drives, those with a column of efforts.
+        measured: names of the columns that are fitted; None: all efforts of actuators and all forces.
+        positions: names of the coordinates from which the motion is computed, as many as degrees of freedom; None:
+            those of the actuators where they are measured, else the first ones.
+        noise: column -> standard deviation of its noise [N, N m]; None, or not named: from the residuals.
+        cutoff: frequency [Hz] of a low-pass filter without phase for positions, efforts and regressor alike, of which
+            samples at about twice this rate are kept; it should be some times above the motion and below the noise.
+            None: no filter.
+        near: state that defines the branch, as in `kinematics`; None: the drawing.
+        parameters: as in `simulate`; the prior.
+
+    Rates and accelerations that are not columns are those of a spline of degree five through the positions, which
+    amplifies their noise: give `cutoff` then.
+
+    Returns:
+        `Identification`: estimates, standard deviations, residuals, what is determined in combinations only.
+
+    Raises:
+        ArgumentError: columns do not fit, there is no column of efforts or forces (logs of positions alone are not
+            offered), actuators are fewer or more than the degrees of freedom, a reaction is not determined by the
+            motion. UnknownNameError: a name does not exist. FileFormatError, MissingFileError: of a file.
+
+    Cost: one evaluation of the equations with derivatives for each sample and each eight parameters, on all cores:
+    about a second for 10 000 samples of a leg with two loops and 24 parameters; more for each Gauss-Newton step.
+
+    References: M. Gautier, Ph. Poignet, "Extended Kalman filtering and weighted least squares dynamic identification of
+    robot", Control Engineering Practice 9 (2001), for the weights and the filter.
+
+    A crank that turns a slider: torque and angle determine six combinations of twelve numbers.
+
+    >>> import numpy as np
+    >>> import partita as pt
+    >>> m = pt.catalogue.load("slider-crank")
+    >>> t = np.linspace(0.0, 1.0, 201)
+    >>> true = m.inverse_dynamics((t, {"O": 10.0 * t + np.sin(9.0 * t)}), parameters={"slider.mass": 0.9})
+    >>> data = {"t": t, "joint.O.position": 10.0 * t + np.sin(9.0 * t), "effort.O": true.effort("O")}
+    >>> found = m.identify(data, by=["slider.mass"])
+    >>> round(found.estimates["slider.mass"][0], 3)
+    0.9
+    """
+    columns = table_of("data", data)
+    study = _Study(self, _actuators(self, actuators, columns), parameters, near, by)
+    channels = study.channels(measured, columns)
+    if not channels:
+        raise no_measurements()
+    given = np.column_stack([columns[channel.name] for channel in channels])
+    limit = None if cutoff is None else float(si("cutoff", cutoff, "1/s"))
+    low_pass = None if limit is None else filter_of(times_of(columns), limit)
+    path = study.motion(columns, positions, low_pass)
+    return _Fit(study, channels, given, _noise(noise, channels), low_pass, path).found()
+
+
+def _actuators(self: Modelled, actuators: Any, columns: Mapping[str, Array]) -> Any:
+    """The given ones; without drives those with a column of efforts."""
+    if actuators is not None or self._description.drives:
+        return actuators
+    named = [name.partition(".")[2] for name in columns if name.startswith("effort.")]
+    named += [x for name in columns if name.startswith("joint.") and name.endswith(".drive") for x in [name[6:-6]]]
+    if not named:
+        raise no_measurements()
+    return list(dict.fromkeys(named))
+
+
+def _noise(noise: Any, channels: Sequence[Channel]) -> Array:
+    """Standard deviation of each channel; NaN: from the residuals."""
+    found = np.full(len(channels), np.nan)
+    if noise is None:
+        return found
+    if not isinstance(noise, Mapping):
+        raise ArgumentError(f"noise must be a dict of columns and numbers, not {shown(noise)}", argument="noise")
+    names = [channel.name for channel in channels]
+    for name, value in noise.items():
+        if name not in names:
+            raise ArgumentError(f"noise names {name!r}, which is not fitted; there are {listed(names)}", argument="noise")
+        size = si("noise", value, channels[names.index(name)].unit)
+        if not isinstance(size, (int, float)) or not size > 0.0:
+            raise ArgumentError(f"noise[{name!r}] must be a positive number, not {shown(value)}", argument="noise")
+        found[names.index(name)] = float(size)
+    return found
+
+
+@dataclass(frozen=True)
+class Path:
+    """A measured motion: coordinates, their rates and accelerations (nt, k)."""
+
+    t: Array
+    timed: bool
+    names: tuple[str, ...]
+    levels: tuple[Array, Array, Array]
+    notes: tuple[str, ...] = ()
+    ends: int = 0
+    """Samples at each end whose rates and accelerations are less exact than the others."""
+
+
+@dataclass(frozen=True)
+class Closed:
+    """States on the mechanism: t, q, v, v', and which of the samples were reached."""
+
+    t: Array
+    q: Array
+    v: Array
+    vdot: Array
+    names: Any
+    coordinates: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Values of channels and their derivatives along states."""
+
+    values: Array
+    derivatives: Array
+
+
+class _Study:
+    """A mechanism without drives, its actuators and its parameters."""
+
+    def __init__(self, mechanism: Modelled, actuators: Any, parameters: Any, near: State | None, by: Any) -> None:
+        without_holding(mechanism, "identify", state=True)
+        self.title = mechanism._description.name
+        if mechanism._description.drives:
+            if actuators is None:
+                _, chosen = layout_of(mechanism, "relative")[0]._with_actuators(None)
+                actuators = [each.name for each in chosen]
+            mechanism = copy.deepcopy(mechanism)
+            for name in list(mechanism._description.drives):
+                remove(mechanism, "drives", name)
+        elif actuators is None:
+            raise ArgumentError(
+                "actuators: the mechanism has no drives, so name the actuators: joints or their coordinates, such as "
+                "actuators=['A']",
+                argument="actuators",
+            )
+        self.mechanism, self.near, self.prior = mechanism, near, parameters
+        self.model: CompiledModel = layout_of(mechanism, "relative", parameters)[0]
+        self.inverse, self.actuators = self.model._with_actuators(actuators)
+        self.parameters = parameters_of(self.model, by)
+        self.start = assemble(mechanism, near=near, parameters=parameters)
+        dof, idle = self.model.core.degrees_of_freedom(self.start.t, self.start.q)
+        self.k = dof - idle
+        self.notes: tuple[str, ...] = ()
+
+    def channels(self, measured: Iterable[str] | None, columns: Mapping[str, Array] | None) -> list[Channel]:
+        """The named channels; None: those among the columns, or the efforts of all actuators."""
+        if measured is None:
+            names = [f"effort.{each.name}" for each in self.actuators] if columns is None else list(columns)
+            found = [channel_of(name, self.actuators, self.model) for name in names]
+            return _distinct([x for x in found if x is not None])
+        if isinstance(measured, str) or not is_list(measured):
+            raise ArgumentError(
+                f"measured must be a list of names such as ['effort.A'], not {shown(measured)}", argument="measured"
+            )
+        chosen = []
+        for name in map(str, measured):
+            channel = channel_of(name, self.actuators, self.model)
+            if channel is None or (columns is not None and name not in columns):
+                known = [f"effort.{each.name}" for each in self.actuators]
+                raise UnknownNameError(
+                    f"measured: {name!r} is {'no column of the data' if channel else 'no effort and no force'}; there "
+                    f"are {listed(known)}, 'ground.force.x' to 'ground.moment.z', and those of joints, such as "
+                    "'joint.A.force.x'",
+                    name=name,
+                    known=known if columns is None else list(columns),
+                )
+            chosen.append(channel)
+        if not chosen:
+            raise ArgumentError("measured is empty; name at least one channel", argument="measured")
+        return _distinct(chosen)
+
+    def motion(self, columns: Mapping[str, Array], positions: Any, low_pass: Filter | None) -> Path:
+        """The motion in a table."""
+        known = courses_of(columns, self.model)
+        chosen, notes = self._chosen(known, positions), []
+        t = times_of(columns)
+        levels: list[list[Array]] = [[], [], []]
+        computed = []
+        for course in chosen:
+            position, rate, acceleration = course.levels
+            assert position is not None
+            if low_pass is not None:
+                position = low_pass.smooth(position)
+            if rate is None or acceleration is None:
+                if t is None or len(t) <= _SPLINE_POINTS or not np.all(np.diff(t) > 0.0):
+                    raise ArgumentError(
+                        f"data: joint.{course.name}.velocity and .acceleration are no columns, and cannot be computed: "
+                        f"that takes more than {_SPLINE_POINTS} times that increase, in column 't'",
+                        argument="data",
+                    )
+                computed.append(course.name)
+                slopes = differentiated(t, position)
+                rate = slopes[0] if rate is None else rate if low_pass is None else low_pass.smooth(rate)
+                acceleration = slopes[1]
+            elif low_pass is not None:
+                rate, acceleration = low_pass.smooth(rate), low_pass.smooth(acceleration)
+            for own, values in zip(levels, (position, rate, acceleration), strict=True):
+                own.append(values)
+        if computed:
+            notes.append(
+                f"rates and accelerations of {', '.join(computed)} are those of a spline of degree 5 through the "
+                f"{'filtered ' if low_pass else ''}positions; {SPLINE_ENDS} samples at each end, where it is less exact, "
+                "are left out"
+            )
+        if len(known) > len(chosen):
+            others = [name for name in known if name not in {course.name for course in chosen}]
+            notes.append(f"positions of {', '.join(others)} are not used: those of the others determine the motion")
+        arrays = [np.column_stack(own) for own in levels]
+        for word, array in zip(("positions", "rates", "accelerations"), arrays, strict=True):
+            if not np.isfinite(array).all():
+                i = int(np.argmax(~np.isfinite(array).all(axis=1)))
+                raise ArgumentError(
+                    f"data: {word} have a value that is not finite at sample {i}; leave such samples out",
+                    argument="data",
+                )
+        count = len(arrays[0])
+        return Path(
+            np.zeros(count) if t is None else t,
+            t is not None,
+            tuple(course.name for course in chosen),
+            (arrays[0], arrays[1], arrays[2]),
+            tuple(notes),
+            SPLINE_ENDS if computed else 0,
+        )
+
+    def _chosen(self, known: Mapping[str, Courses], positions: Any) -> list[Courses]:
+        """As many coordinates as degrees of freedom."""
+        if positions is not None:
+            if isinstance(positions, str) or not is_list(positions):
+                raise ArgumentError(
+                    f"positions must be a list of names such as ['A'], not {shown(positions)}", argument="positions"
+                )
+            names = [str(name) for name in positions]
+            for name in names:
+                if name not in known:
+                    raise UnknownNameError(
+                        f"positions: {name!r} is no measured position; there are {listed(list(known))}",
+                        name=name,
+                        known=list(known),
+                    )
+        else:
+            first = [each.name for each in self.actuators if each.name in known]
+            names = [*first, *(name for name in known if name not in first)][: self.k]
+        if len(names) != self.k:
+            raise ArgumentError(
+                f"data: {len(names)} measured position{'s' * (len(names) != 1)} ({listed(names) if names else 'none'})"
+                f" for {self.k} degree{'s' * (self.k != 1)} of freedom; give columns such as "
+                f"'joint.{self.actuators[0].name}.position', one for each degree of freedom",
+                argument="data" if positions is None else "positions",
+            )
+        return [known[name] for name in names]
+
+    def closed(self, path: Path, parameters: Parameters) -> tuple[Closed, tuple[str, ...]]:
+        """States of the mechanism with the numbers of `parameters` along a path."""
+        wanted = [dict(zip(path.names, level.T, strict=True)) for level in path.levels]
+        numbers = self._numbers(parameters)
+        k = kinematics(self.mechanism, wanted[0], wanted[1], wanted[2], near=self.near, parameters=numbers)
+        notes = path.notes
+        lost = np.flatnonzero(~k.reached)
+        if len(lost) == len(k.reached):
+            raise ArgumentError(
+                f"data: the mechanism reaches no measured position; the first: {k.reasons[0]}", argument="data"
+            )
+        if len(lost):
+            notes = (
+                *notes,
+                f"{len(lost)} of {len(k.reached)} samples are left out, whose positions the mechanism does not reach; "
+                f"the first: {k.reasons[int(lost[0])]}",
+            )
+        return Closed(path.t, k.q, k.v, k.vdot, k.names, path.names), notes
+
+    def _numbers(self, parameters: Parameters) -> Any:
+        """Numbers that change the motion; inertias do not."""
+        own = {item.owner: parameters.numbers[item.owner] for item in parameters.items if item.kind == "plain"}
+        return self.prior if not own else {**(self.prior or {}), **own}
+
+    def evaluated(
+        self, at: Closed, parameters: Parameters, channels: Sequence[Channel], gravity: Array | None = None
+    ) -> Evaluated:
+        """Channels and their derivatives; NaN where a sample has none."""
+        numbers = {**(self.prior or {}), **parameters.numbers}
+        model = self.model
+        if any(item.kind == "plain" for item in parameters.items):
+            model = layout_of(self.mechanism, "relative", numbers)[0]
+        if gravity is not None:
+            model = model.with_parameters({"gravity": gravity})
+        names = [each.name for each in self.actuators]
+        inverse = model._with_actuators(names)[0]
+        more = [name for name in at.coordinates if name not in names]
+        seen = model._with_actuators([*names, *more])[0] if more and not parameters.linear else inverse
+        held = [] if parameters.linear else [[*names, *more].index(name) for name in at.coordinates]
+        self._determined(at, channels)
+        arrays = (at.t, at.q, at.v, at.vdot)
+        directions = parameters.directions()
+        values, derivatives, _ = regressor(
+            inverse, (seen, held), arrays, dict(parameters.numbers), directions, [channel.core for channel in channels]
+        )
+        return Evaluated(values, derivatives)
+
+    def _determined(self, at: Closed, channels: Sequence[Channel]) -> None:
+        """Refuse reactions that the motion does not determine."""
+        wanted = [channel for channel in channels if "joint" in channel.core]
+        known = np.flatnonzero(np.isfinite(at.q).all(axis=1) & np.isfinite(at.vdot).all(axis=1))
+        if not wanted or not len(known):
+            return
+        i = slice(int(known[0]), int(known[0]) + 1)
+        one = SimpleNamespace(t=at.t[i], q=at.q[i], v=at.v[i], vdot=at.vdot[i], names=at.names)
+        found = inverse_dynamics(self.mechanism, one, [each.name for each in self.actuators], parameters=self.prior)
+        for channel in wanted:
+            number, component = channel.core["joint"]
+            joint = self.model.summary["joints"][number]["name"]
+            if not found.joint(joint).determined[component]:
+                raise ArgumentError(
+                    f"measured: {channel.name} is not determined by the motion: the constraints are redundant, and it "
+                    "depends on elasticity; measure a component that is, or ground.force",
+                    argument="measured",
+                )
+
+    def random(self, still: bool, around: Path | None = None) -> Closed:
+        """Random states near the drawing, or over the range of a path and beyond."""
+        names = [each.name for each in self.actuators] if around is None else list(around.names)
+        coordinates = [name for name in names if name in self._coordinates]
+        if len(coordinates) < self.k:
+            coordinates += [name for name in self._coordinates if name not in coordinates]
+        wanted = max(FEWEST_STATES, RICH_STATES * len(self.parameters.items))
+        rng = np.random.default_rng(SEED)
+        for chosen in self._sets(coordinates):
+            found = self._tried(chosen, wanted, rng, still, around)
+            if found is not None:
+                return found
+        raise ArgumentError(
+            "no coordinates of joints determine the motion near the drawing; give data with positions",
+            argument="motion",
+        )
+
+    @property
+    def _coordinates(self) -> dict[str, float]:
+        """Coordinates that joints have, and their present values."""
+        found = {}
+        for joint in self.model.summary["joints"]:
+            if joint["q"][1] != joint["v"][1]:
+                continue  # a rotation in space is no goal by coordinates
+            for name, _, number, i, _ in goals_of("positions", joint["name"], self.model) if joint["q"][1] else ():
+                found[name] = self._now[joint["name"]][i] if number is not None else 0.0
+        return found
+
+    @property
+    def _now(self) -> dict[str, Array]:
+        q = np.asarray(self.start.q)[None, :]
+        motion = self.model.core.motion(np.array([self.start.t]), q, np.zeros((1, self.model.core.nv)))
+        return {
+            joint["name"]: np.asarray(motion.joints([j])["joint_position"])[0]
+            for j, joint in enumerate(self.model.summary["joints"])
+        }
+
+    def _sets(self, coordinates: list[str]) -> Iterable[list[str]]:
+        """Sets of as many coordinates as degrees of freedom: the first ones, then each other in place of the last."""
+        first = coordinates[: self.k]
+        yield first
+        for other in coordinates[self.k :]:
+            yield [*first[:-1], other]
+
+    def _tried(
+        self, names: list[str], wanted: int, rng: np.random.Generator, still: bool, around: Path | None
+    ) -> Closed | None:
+        """Random states in these coordinates; None where they do not determine the motion."""
+        goals = [goal for name in names for goal in goals_of("positions", name, self.model)]
+        sizes = np.array([self.length if unit == "m" else 1.0 for unit in units_of(goals, self.model)])
+        centre = np.array([self._coordinates[name] for name in names])
+        spread = REACH * sizes
+        if around is not None and tuple(names) == around.names:
+            lower, upper = around.levels[0].min(axis=0), around.levels[0].max(axis=0)
+            centre, spread = 0.5 * (lower + upper), np.maximum(spread, 0.5 * (upper - lower))
+        fast = 2.0 * np.sqrt(GRAVITY / self.length)
+        parts = []
+        for _ in range(ATTEMPTS):
+            levels = [centre + spread * rng.uniform(-1.0, 1.0, (wanted, len(names)))]
+            for size in (fast, fast**2):
+                moved = size * sizes * rng.uniform(-1.0, 1.0, (wanted, len(names)))
+                levels.append(np.zeros_like(moved) if still else moved)
+            path = Path(np.full(wanted, self.start.t), True, tuple(names), (levels[0], levels[1], levels[2]))
+            try:
+                at, _ = self.closed(path, self.parameters)
+            except (ArgumentError, SingularityError):
+                continue
+            good = np.isfinite(at.q).all(axis=1) & np.isfinite(at.vdot).all(axis=1)
+            parts.append([x[good] for x in (at.t, at.q, at.v, at.vdot)])
+            if sum(len(part[0]) for part in parts) >= wanted:
+                break
+        if sum(len(part[0]) for part in parts) < len(self.parameters.items):
+            return None
+        t, q, v, vdot = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return Closed(t, q, v, vdot, at.names, tuple(names))
+
+    @property
+    def length(self) -> float:
+        """A length of the mechanism."""
+        masses = self.parameters.items
+        lengths = [item.scale for item in masses if item.unit == "m"]
+        moments = {item.owner: item.scale for item in masses if item.kind == "first"}
+        mass = {item.owner: item.scale for item in masses if item.kind == "mass"}
+        lengths += [scale / mass[body] for body, scale in moments.items() if body in mass]
+        if lengths:
+            return float(max(lengths))
+        points = [np.asarray(x) for name, x in self.model.parameters.items() if name.endswith(".point")]
+        return float(max((np.linalg.norm(a - b) for a in points for b in points), default=1.0)) or 1.0
+
+    def fitted(self, found: Evaluated, residuals: Array, sizes: Array, noise: Array) -> dict[str, Any]:
+        """Least squares by the core."""
+        p = self.parameters
+        return least_squares(found.derivatives, residuals, sizes, noise, p.scales, p.preference)
+
+    def rank(self, found: Evaluated, columns: Sequence[int] | None = None) -> dict[str, Any]:
+        """Rank and combinations of some channels."""
+        derivatives = found.derivatives if columns is None else found.derivatives[:, list(columns)]
+        m = derivatives.shape[1]
+        return self.fitted(Evaluated(found.values, derivatives), np.zeros((len(derivatives), m)), np.ones(m), np.ones(m))
+
+    def identifiability(
+        self,
+        channels: Sequence[Channel],
+        found: Evaluated,
+        notes: tuple[str, ...],
+        around: Path | None = None,
+    ) -> Identifiability:
+        """The rank along states, and what further channels and motions would add."""
+        own, p = self.rank(found), self.parameters
+        rank, values = own["rank"], own["singular"]
+        gap = float("inf") if rank == len(values) else float(values[rank - 1] / max(values[rank], _TINY * values[0]))
+        if rank and gap < SHARP:
+            notes = (
+                *notes,
+                f"the rank is not decided sharply: the last singular value kept exceeds the next by {gap:.3g} only; "
+                "the motion excites some combinations weakly",
+            )
+        combinations = _combinations(p, own)
+        dependent = {p.labels[j] for j in own["dependent"]}
+        used = {label for one in combinations for label in one.terms}
+        never = tuple(label for label in p.labels if label in dependent and label not in used)
+        alone = tuple(one.name for one in combinations if len(one.terms) == 1)
+        together = tuple(label for label in p.labels if label not in never and label not in alone)
+        attainable, candidates = self._candidates(channels, around)
+        return Identifiability(
+            self.title,
+            p.labels,
+            tuple(channel.name for channel in channels),
+            rank,
+            combinations,
+            never,
+            together,
+            alone,
+            values,
+            gap,
+            attainable,
+            candidates,
+            tuple(_hints(rank, attainable, candidates, len(p.labels))),
+            notes,
+        )
+
+    def _candidates(self, channels: Sequence[Channel], around: Path | None) -> tuple[int, dict[str, int]]:
+        """Ranks on rich motions: with the channels, and with each further one."""
+        at = self.random(False, around)
+        names = [channel.name for channel in channels]
+        cores = [channel.core for channel in channels]
+        further: dict[str, list[Channel]] = {}
+        for each in self.actuators:
+            channel = channel_of(f"effort.{each.name}", self.actuators, self.model)
+            if channel is not None and channel.core not in cores:
+                further[f"effort.{each.name}"] = [channel]
+        for what in ("force", "moment"):
+            parts = [channel_of(f"ground.{what}.{axis}", self.actuators, self.model) for axis in "xyz"]
+            if missing := [x for x in parts if x is not None and x.core not in cores]:
+                further[f"ground.{what}"] = missing
+        every = _distinct([*channels, *(channel for group in further.values() for channel in group)])
+        where = {channel.name: i for i, channel in enumerate(every)}
+        found = self.evaluated(at, self.parameters, every)
+        own = [where[name] for name in names]
+        ranks = {
+            word: self.rank(found, [*own, *(where[channel.name] for channel in group)])["rank"]
+            for word, group in further.items()
+        }
+        gravity = np.asarray(self.model.parameters["gravity"], dtype=float)
+        if not gravity.any():
+            for axis in range(3):
+                pulled = np.zeros(3)
+                pulled[axis] = -GRAVITY
+                under = self.evaluated(at, self.parameters, channels, gravity=pulled)
+                ranks["gravity"] = max(ranks.get("gravity", 0), self.rank(under)["rank"])
+        return self.rank(found, own)["rank"], ranks
+
+
+SPLINE_ENDS = 10
+"""Samples at each end of a spline that are left out: its error there falls to a half or less with each."""
+_SPLINE_POINTS = 2 * SPLINE_ENDS + 6
+"""Times that a spline of degree five needs, without its ends."""
+_TINY = 1e-300
+"""A gap is not divided by less. Scale: fraction of the largest singular value. Reason: only zero is changed."""
+
+
+def _distinct(channels: Sequence[Channel]) -> list[Channel]:
+    found: list[Channel] = []
+    for channel in channels:
+        if channel.core not in [known.core for known in found]:
+            found.append(channel)
+    return found
+
+
+def _combinations(p: Parameters, own: Mapping[str, Any], estimated: bool = False) -> tuple[Combination, ...]:
+    """Base parameters, with estimates where there are any."""
+    found, values = [], p.values
+    for b, i in enumerate(own["base"]):
+        terms = {p.labels[i]: 1.0}
+        terms |= {
+            p.labels[d]: float(x) for d, x in zip(own["dependent"], own["coefficients"][b], strict=True) if x != 0.0
+        }
+        prior = float(values[i] + sum(x * values[d] for d, x in zip(own["dependent"], own["coefficients"][b], strict=True)))
+        item = p.items[i]
+        if not estimated:
+            found.append(Combination(item.label, terms, item.unit, prior))
+            continue
+        sd = float(own["base_deviations"][b])
+        estimate = prior + float(own["base_changes"][b])
+        found.append(Combination(item.label, terms, item.unit, prior, estimate, sd, sd > item.scale))
+    return tuple(found)
+
+
+def _hints(rank: int, attainable: int, candidates: Mapping[str, int], count: int) -> Iterable[str]:
+    if attainable > rank:
+        yield (
+            f"a richer motion with the same channels (other positions, rates and accelerations) determines {attainable} "
+            f"combinations instead of {rank}"
+        )
+    words = {
+        "gravity": "gravity, or a mounting in which it acts along the motion",
+        "ground.force": "the force of the ground",
+        "ground.moment": "the moment of the ground",
+    }
+    better = {word: found for word, found in candidates.items() if found > max(rank, attainable)}
+    for word, found in sorted(better.items(), key=lambda x: -x[1]):
+        yield f"{words.get(word, word)} as well determines {found} combinations on a rich motion"
+    if not better and attainable <= rank < count:
+        yield (
+            f"no further effort, and no force of the ground, determines more than {rank} combinations of the {count} "
+            "parameters: efforts and forces of the motion do not depend on the rest"
+        )
+
+
+class _Fit:
+    """Least squares of one log."""
+
+    def __init__(
+        self,
+        study: _Study,
+        channels: list[Channel],
+        given: Array,
+        noise: Array,
+        low_pass: Filter | None,
+        path: Path,
+    ) -> None:
+        self.study, self.channels, self.noise, self.low_pass, self.path = study, channels, noise, low_pass, path
+        self.prior = study.parameters
+        if not np.isfinite(given).all() and low_pass is not None:
+            raise ArgumentError(
+                "data: an effort or a force is not finite, and cannot be filtered; leave such samples out, or cutoff",
+                argument="data",
+            )
+        ends = slice(path.ends, len(given) - path.ends)
+        self.kept = ends if low_pass is None else low_pass.kept(len(given))
+        self.given = self._filtered(given)
+        known = self.given[np.isfinite(self.given).all(axis=1)]
+        if len(known) < len(self.prior.items):
+            raise ArgumentError(
+                f"data: {len(known)} samples for {len(self.prior.items)} parameters; give more", argument="data"
+            )
+        self.sizes = np.sqrt(np.mean(known**2, axis=0))
+        self.evaluations = 0
+        self.notes: tuple[str, ...] = ()
+
+    def _filtered(self, values: Array) -> Array:
+        return (values if self.low_pass is None else self.low_pass.smooth(values))[self.kept]
+
+    def _at(self, parameters: Parameters) -> Evaluated:
+        closed, self.notes = self.study.closed(self.path, parameters)
+        if self.low_pass is not None and not np.isfinite(closed.vdot).all():
+            raise ArgumentError(
+                f"data: with a filter every sample must be reached: {self.notes[-1]}", argument="cutoff"
+            )
+        found = self.study.evaluated(closed, parameters, self.channels)
+        self.evaluations += 1
+        if self.low_pass is not None and not np.isfinite(found.values).all():
+            raise ArgumentError(
+                "data: the motion passes a position that is singular for the actuators or the constraints, and cannot be "
+                "filtered across it; leave cutoff out, or those samples",
+                argument="cutoff",
+            )
+        return Evaluated(self._filtered(found.values), self._filtered(found.derivatives))
+
+    def _solved(self, at: Evaluated, moved: Array) -> dict[str, Any]:
+        """Least squares for the whole change from the prior, `moved` so far."""
+        residuals = self.given - at.values + at.derivatives @ moved
+        return self.study.fitted(at, residuals, self.sizes, self.noise)
+
+    def found(self) -> Identification:
+        first = self._at(self.prior)
+        rank = self.study.identifiability(self.channels, first, (), self.path)
+        if self.prior.linear:
+            own = self._solved(first, np.zeros(len(self.prior.items)))
+            moved = own["changes"]
+            left = self.given - first.values - first.derivatives @ moved
+            return self._result(rank, own, self.prior.changed(self.prior.values + moved), left)
+        at, moved = first, np.zeros(len(self.prior.items))
+        own = self._solved(at, moved)
+        settled = False
+        for _ in range(MOST_STEPS):
+            step = own["changes"] - moved
+            if np.max(np.abs(step) / self.prior.scales) < STEP_SETTLED:
+                settled = True
+                break
+            new = self._shortened(at, moved, step, own["noise"])
+            if new is None:
+                settled = True
+                break
+            before, (at, moved) = self._squares(at, own["noise"]), new
+            gained = 1.0 - self._squares(at, own["noise"]) / before if before > 0.0 else 0.0
+            own = self._solved(at, moved)
+            if gained < FIT_SETTLED:
+                settled = True
+                break
+        if not settled:
+            self.study.notes = (f"the search has not settled in {MOST_STEPS} Gauss-Newton steps",)
+        current = self.prior.changed(self.prior.values + moved)
+        return self._result(rank, own, current, self.given - at.values)
+
+    def _squares(self, at: Evaluated, noise: Array) -> float:
+        return float(np.nansum(((self.given - at.values) / noise) ** 2))
+
+    def _shortened(self, at: Evaluated, moved: Array, step: Array, noise: Array) -> tuple[Evaluated, Array] | None:
+        """The step, halved until the mechanism exists with it and the fit is no worse; None where it never is."""
+        before = self._squares(at, noise)
+        for i in range(HALVINGS):
+            new = moved + 0.5**i * step
+            try:
+                there = self._at(self.prior.changed(self.prior.values + new))
+            except (DescriptionError, AssemblyError, SingularityError, ArgumentError):
+                continue
+            same = np.isfinite(there.values).all(axis=1) == np.isfinite(at.values).all(axis=1)
+            if same.all() and self._squares(there, noise) <= before:
+                return there, new
+        return None
+
+    def _result(
+        self, rank: Identifiability, own: Mapping[str, Any], current: Parameters, left: Array
+    ) -> Identification:
+        p = self.prior
+        names = [channel.name for channel in self.channels]
+        known = np.isfinite(left).all(axis=1)
+        t = self.path.t[self.kept] if self.path.timed else np.arange(len(left), dtype=float)
+        rms = np.sqrt(np.mean(left[known] ** 2, axis=0))
+        deviations, directions = own["direction_deviations"], own["directions"]
+        words = [
+            f"{direction_in_words(p.labels, parts)} (in natural sizes, sd {sd:.2g})"
+            for parts, sd in zip(directions, deviations, strict=True)
+        ]
+        drowned = tuple(words[len(words) - own["drowned"] :][::-1])
+        notes = [*self.study.notes, *self.notes]
+        if missing := int((~known).sum()):
+            notes.append(f"{missing} of {len(known)} samples have no efforts and are left out")
+        notes += _correlations(names, left[known])
+        numbers = {name: list(values) for name, values in current.numbers.items()}
+        return Identification(
+            title=self.study.title,
+            identifiability=rank,
+            estimates=numbers,
+            values=dict(zip(p.labels, current.values.tolist(), strict=True)),
+            priors=dict(zip(p.labels, p.values.tolist(), strict=True)),
+            sd=dict(zip(p.labels, own["deviations"].tolist(), strict=True)),
+            combinations=_combinations(p, own, estimated=True),
+            drowned=drowned,
+            worst=words[-1] if words else "",
+            t=t[known],
+            residuals=dict(zip(names, left[known].T, strict=True)),
+            rms=dict(zip(names, rms.tolist(), strict=True)),
+            noise=dict(zip(names, own["noise"].tolist(), strict=True)),
+            iterations=self.evaluations,
+            warnings=(*_impossible(current, rank), *_exceeded(names, rms, self.noise)),
+            notes=tuple(notes),
+            _applied=self.study.model.with_parameters,
+        )
+
+
+def _impossible(current: Parameters, rank: Identifiability) -> Iterable[str]:
+    """Bodies that cannot exist."""
+    for body in current.bodies():
+        mass, moments = current.mass_and_moments(body)
+        rounding = EQUAL * float(np.abs(moments).max())
+        exists = len(moments) == 1 or 2.0 * moments.max() <= moments.sum() + rounding
+        if mass > 0.0 and moments.min() >= -rounding and moments.max() > 0.0 and exists:
+            continue
+        shared = [label for label in rank.together if label.startswith(f"{body}.")]
+        why = (
+            f"; the data determine {listed(shared)} in combinations only, so another choice within them may exist: "
+            "name fewer parameters in by, or give a better prior"
+            if shared
+            else "; the model lacks something that acts, such as friction, or the noise is too large"
+        )
+        what = f"mass {mass:.6g} kg" if mass <= 0.0 else f"moments of inertia {', '.join(f'{x:.4g}' for x in moments)}"
+        yield f"body {body!r} cannot exist with the estimates: {what}{why}"
+
+
+def _exceeded(names: Sequence[str], rms: Array, noise: Array) -> Iterable[str]:
+    """Residuals that no noise explains."""
+    for name, x, sd in zip(names, rms, noise, strict=True):
+        if np.isfinite(sd) and x > EXCEEDS * sd:
+            yield (
+                f"the residuals of {name} ({x:.3g}) exceed the given noise ({sd:.3g}): something acts that the model or "
+                "the parameters in by do not contain, such as friction"
+            )
+
+
+def _correlations(names: Sequence[str], left: Array) -> Iterable[str]:
+    """Residuals whose neighbours are not independent."""
+    for name, x in zip(names, left.T, strict=True):
+        squares = float(x @ x)
+        if len(x) > 2 and squares > 0.0 and (found := float(x[1:] @ x[:-1]) / squares) > CORRELATED:
+            yield (
+                f"neighbouring residuals of {name} are correlated ({found:.2f}): standard deviations are too small; "
+                "something acts that the parameters do not contain, or the data are sampled faster than their noise "
+                "changes (cutoff=)"
+            )
