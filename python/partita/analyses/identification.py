@@ -37,6 +37,7 @@ class Combination:
         name: the parameter that stands for it.
         terms: label -> factor, with 1 for the parameter itself.
         unit: of its value.
+        size: natural size of the parameter that stands for it, in this unit.
         prior: its value by the parameters of the mechanism.
         estimate: its value by the data; NaN where only the rank was asked for.
         sd: standard deviation of the estimate; NaN likewise.
@@ -53,13 +54,14 @@ class Combination:
     name: str
     terms: Mapping[str, float]
     unit: str
+    size: float
     prior: float
     estimate: float = float("nan")
     sd: float = float("nan")
     drowned: bool = False
 
     def __str__(self) -> str:
-        words = []
+        words: list[str] = []
         for label, factor in list(self.terms.items())[:SHOWN_TERMS]:
             size = abs(factor)
             term = label if abs(size - 1.0) < _UNIT_FACTOR else f"{size:.6g} {label}"

@@ -28,10 +28,10 @@ def regressor(
     """Values (nt, channels) of what is measured along a motion (t, q, v, v'), derivatives (nt, channels, n) along the
     directions of the numbers of parameters, the measured coordinates held, and why an instant has none ("" where it
     has). `measured`: the same actuators and further coordinates, and which of these are measured."""
-    arrays = (np.ascontiguousarray(x, dtype=float) for x in path)
-    found = inverse.regressor(
-        *measured, *arrays, list(numbers), list(numbers.values()), directions, json.dumps(list(channels))
-    )
+    seen, held = measured
+    t, q, v, vdot = (np.ascontiguousarray(x, dtype=float) for x in path)
+    names, values = list(numbers), list(numbers.values())
+    found = inverse.regressor(seen, held, t, q, v, vdot, names, values, directions, json.dumps(list(channels)))
     return found["values"], found["derivatives"], found["gaps"]
 
 

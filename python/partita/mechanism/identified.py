@@ -1,4 +1,4 @@
-"""Parameters that are identified: their labels, present values, natural sizes, and directions in the numbers of a model.
+"""Parameters that are identified: labels, present values, natural sizes, and directions in the numbers of a model.
 
 The mass, first moment m c and moments of inertia of a body about a reference point enter forces linearly; mass, centre
 of mass and inertia about it do not. Both sets are offered; the first is the default.
@@ -27,8 +27,8 @@ _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _GRAVITY = 9.81
 """Acceleration of gravity where a mechanism has none, for natural sizes of forces. Unit: m/s^2."""
 LATER = {"mass": 4.0, "first": 2.0}
-"""Parameters with larger numbers are expressed by others: masses, which are the hardest to separate, then first moments,
-then moments of inertia."""
+"""Parameters with larger numbers are expressed by others: masses, which are the hardest to separate, then first
+moments, then moments of inertia."""
 CARRIED = 1.0
 """Added for those of a body that no joint connects to the ground: the others carry it."""
 
@@ -68,7 +68,7 @@ class Parameters:
     references: Mapping[str, Reference] = field(default_factory=dict)
     """Of the bodies in linear form."""
     axes: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Of each of these bodies, the axes along which its centre of mass moves."""
+    """Of each body of these numbers, the axes along which its centre of mass moves."""
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -116,6 +116,12 @@ class Parameters:
             if item.kind == "plain":
                 for i in _places(item):
                     numbers[item.owner][i] = float(value)
+        for name, own in numbers.items():
+            axes = self.axes.get(name.rpartition(".")[0], (0, 1, 2))
+            if name.endswith(".inertia") and len(axes) == 2:
+                moments = np.array(own).reshape(3, 3)
+                _possible(moments, list(axes), ({0, 1, 2} - set(axes)).pop())
+                numbers[name] = moments.ravel().tolist()
         for body in self.references:
             own = {item: value for item, value in zip(self.items, values, strict=True) if item.owner == body}
             if own:
@@ -129,8 +135,8 @@ class Parameters:
         return tuple(dict.fromkeys([*self.references, *own]))
 
     def mass_and_moments(self, body: str) -> tuple[float, Array]:
-        """The mass, and principal moments of inertia about the centre of mass; in a plane the one that matters. A number
-        that is not identified counts as possible."""
+        """The mass, and principal moments of inertia about the centre of mass; in a plane the one that matters. A
+        number that is not identified counts as possible."""
         mass = self.numbers.get(f"{body}.mass", [np.inf])[0]
         own = self.numbers.get(f"{body}.inertia")
         if own is None:
@@ -290,7 +296,7 @@ class _Finder:
             tuple(items),
             {name: list(self.known[name]) for name in owners},
             {body: self._reference(body) for body in bodies},
-            {body: self._axes(body) for body in bodies},
+            {body: self._axes(body) for name in owners if (body := name.rpartition(".")[0]) in self.bodies},
         )
 
     def _named(self, name: str, linear: set[str]) -> list[Parameter]:
@@ -303,8 +309,8 @@ class _Finder:
                     return [own[name]]
                 if name in self.known or name.rpartition(".")[0] in self.known:
                     raise ArgumentError(
-                        f"by names {name!r} beside parameters of {body!r} about its reference point ({listed(list(own))}"
-                        "): name either those, or mass, com and inertia",
+                        f"by names {name!r} beside parameters of {body!r} about its reference point "
+                        f"({listed(list(own))}): name either those, or mass, com and inertia",
                         argument="by",
                     )
         return self._plain(name)
@@ -342,8 +348,8 @@ class _Finder:
             near = [known for known in self.known if known.partition(".")[0] == name.partition(".")[0]]
             labels = [x for body in self.bodies if name.startswith(f"{body}.") for x in self._of_body(body)]
             raise UnknownNameError(
-                f"by: there is no parameter {name!r}; there are {listed([*labels, *(near or self.known)])}, and the names"
-                " of bodies for all of their inertial parameters",
+                f"by: there is no parameter {name!r}; there are {listed([*labels, *(near or self.known)])}, and the "
+                "names of bodies for all of their inertial parameters",
                 name=name,
                 known=[*labels, *self.known],
             )

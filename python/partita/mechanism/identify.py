@@ -19,7 +19,6 @@ from ..analyses.identification import (
     direction_in_words,
     no_measurements,
 )
-from ..builder.actuators import Actuator
 from ..builder.changes import remove
 from ..builder.compiled import CompiledModel
 from ..builder.regression import least_squares, regressor
@@ -133,11 +132,12 @@ def identifiability(
     study = _Study(self, actuators, parameters, near, by)
     channels = study.channels(measured, None)
     if isinstance(motion, str) and motion in (ANY, REST):
-        found, notes = study.random(REST == motion), ()
+        notes: tuple[str, ...] = ()
+        found = study.random(motion == REST)
     else:
         columns = table_of("motion", motion)
         found, notes = study.closed(study.motion(columns, None, None), study.parameters)
-    return study.identifiability(channels, study.evaluated(found, study.parameters, channels), (*study.notes, *notes))
+    return study.identifiability(channels, study.evaluated(found, study.parameters, channels), notes)
 
 
 def identify(
@@ -170,8 +170,8 @@ def identify(
             that move: mass, first moment of mass and moments of inertia about the point of one of its joints, named
             "crank.mass", "crank.first_moment.x", "crank.inertia_about_A.zz" (body axes; in a planar mechanism the four
             that matter). Else names of `CompiledModel.parameters`: "crank.com.x", "B.point", "spring.stiffness".
-        actuators: as in `inverse_dynamics`, one for each degree of freedom; None: what the drives prescribe, or, without
-            drives, those with a column of efforts.
+        actuators: as in `inverse_dynamics`, one for each degree of freedom; None: what the drives prescribe, or,
+            without drives, those with a column of efforts.
         measured: names of the columns that are fitted; None: all efforts of actuators and all forces.
         positions: names of the coordinates from which the motion is computed, as many as degrees of freedom; None:
             those of the actuators where they are measured, else the first ones.
@@ -244,7 +244,9 @@ def _noise(noise: Any, channels: Sequence[Channel]) -> Array:
     names = [channel.name for channel in channels]
     for name, value in noise.items():
         if name not in names:
-            raise ArgumentError(f"noise names {name!r}, which is not fitted; there are {listed(names)}", argument="noise")
+            raise ArgumentError(
+                f"noise names {name!r}, which is not fitted; there are {listed(names)}", argument="noise"
+            )
         size = si("noise", value, channels[names.index(name)].unit)
         if not isinstance(size, (int, float)) or not size > 0.0:
             raise ArgumentError(f"noise[{name!r}] must be a positive number, not {shown(value)}", argument="noise")
@@ -311,7 +313,6 @@ class _Study:
         self.start = assemble(mechanism, near=near, parameters=parameters)
         dof, idle = self.model.core.degrees_of_freedom(self.start.t, self.start.q)
         self.k = dof - idle
-        self.notes: tuple[str, ...] = ()
 
     def channels(self, measured: Iterable[str] | None, columns: Mapping[str, Array] | None) -> list[Channel]:
         """The named channels; None: those among the columns, or the efforts of all actuators."""
@@ -370,8 +371,8 @@ class _Study:
         if computed:
             notes.append(
                 f"rates and accelerations of {', '.join(computed)} are those of a spline of degree 5 through the "
-                f"{'filtered ' if low_pass else ''}positions; {SPLINE_ENDS} samples at each end, where it is less exact, "
-                "are left out"
+                f"{'filtered ' if low_pass else ''}positions; {SPLINE_ENDS} samples at each end, where it is less "
+                "exact, are left out"
             )
         if len(known) > len(chosen):
             others = [name for name in known if name not in {course.name for course in chosen}]
@@ -428,14 +429,15 @@ class _Study:
         k = kinematics(self.mechanism, wanted[0], wanted[1], wanted[2], near=self.near, parameters=numbers)
         notes = path.notes
         lost = np.flatnonzero(~k.reached)
-        if len(lost) == len(k.reached):
+        count = len(path.t)
+        if len(lost) == count:
             raise ArgumentError(
                 f"data: the mechanism reaches no measured position; the first: {k.reasons[0]}", argument="data"
             )
         if len(lost):
             notes = (
                 *notes,
-                f"{len(lost)} of {len(k.reached)} samples are left out, whose positions the mechanism does not reach; "
+                f"{len(lost)} of {count} samples are left out, whose positions the mechanism does not reach; "
                 f"the first: {k.reasons[int(lost[0])]}",
             )
         return Closed(path.t, k.q, k.v, k.vdot, k.names, path.names), notes
@@ -584,8 +586,8 @@ class _Study:
     def rank(self, found: Evaluated, columns: Sequence[int] | None = None) -> dict[str, Any]:
         """Rank and combinations of some channels."""
         derivatives = found.derivatives if columns is None else found.derivatives[:, list(columns)]
-        m = derivatives.shape[1]
-        return self.fitted(Evaluated(found.values, derivatives), np.zeros((len(derivatives), m)), np.ones(m), np.ones(m))
+        rows, ones = derivatives.shape[:2], np.ones(derivatives.shape[1])
+        return self.fitted(Evaluated(found.values, derivatives), np.zeros(rows), ones, ones)
 
     def identifiability(
         self,
@@ -680,26 +682,24 @@ def _combinations(p: Parameters, own: Mapping[str, Any], estimated: bool = False
     """Base parameters, with estimates where there are any."""
     found, values = [], p.values
     for b, i in enumerate(own["base"]):
-        terms = {p.labels[i]: 1.0}
-        terms |= {
-            p.labels[d]: float(x) for d, x in zip(own["dependent"], own["coefficients"][b], strict=True) if x != 0.0
-        }
-        prior = float(values[i] + sum(x * values[d] for d, x in zip(own["dependent"], own["coefficients"][b], strict=True)))
+        others = [(d, float(x)) for d, x in zip(own["dependent"], own["coefficients"][b], strict=True) if x != 0.0]
+        terms = {p.labels[i]: 1.0} | {p.labels[d]: x for d, x in others}
+        prior = float(values[i] + sum(x * values[d] for d, x in others))
         item = p.items[i]
         if not estimated:
-            found.append(Combination(item.label, terms, item.unit, prior))
+            found.append(Combination(item.label, terms, item.unit, item.scale, prior))
             continue
         sd = float(own["base_deviations"][b])
         estimate = prior + float(own["base_changes"][b])
-        found.append(Combination(item.label, terms, item.unit, prior, estimate, sd, sd > item.scale))
+        found.append(Combination(item.label, terms, item.unit, item.scale, prior, estimate, sd, sd > item.scale))
     return tuple(found)
 
 
 def _hints(rank: int, attainable: int, candidates: Mapping[str, int], count: int) -> Iterable[str]:
     if attainable > rank:
         yield (
-            f"a richer motion with the same channels (other positions, rates and accelerations) determines {attainable} "
-            f"combinations instead of {rank}"
+            "a richer motion with the same channels (other positions, rates and accelerations) determines "
+            f"{attainable} combinations instead of {rank}"
         )
     words = {
         "gravity": "gravity, or a mounting in which it acts along the motion",
@@ -746,6 +746,7 @@ class _Fit:
         self.sizes = np.sqrt(np.mean(known**2, axis=0))
         self.evaluations = 0
         self.notes: tuple[str, ...] = ()
+        self.unsettled: tuple[str, ...] = ()
 
     def _filtered(self, values: Array) -> Array:
         return (values if self.low_pass is None else self.low_pass.smooth(values))[self.kept]
@@ -760,8 +761,8 @@ class _Fit:
         self.evaluations += 1
         if self.low_pass is not None and not np.isfinite(found.values).all():
             raise ArgumentError(
-                "data: the motion passes a position that is singular for the actuators or the constraints, and cannot be "
-                "filtered across it; leave cutoff out, or those samples",
+                "data: the motion passes a position that is singular for the actuators or the constraints, and cannot "
+                "be filtered across it; leave cutoff out, or those samples",
                 argument="cutoff",
             )
         return Evaluated(self._filtered(found.values), self._filtered(found.derivatives))
@@ -787,8 +788,12 @@ class _Fit:
             if np.max(np.abs(step) / self.prior.scales) < STEP_SETTLED:
                 settled = True
                 break
-            new = self._shortened(at, moved, step, own["noise"])
+            new, why = self._shortened(at, moved, step, own["noise"])
             if new is None:
+                self.unsettled = (
+                    f"the search ended after {self.evaluations} evaluations: no part of the last step "
+                    f"{'is possible: ' + why if why else 'improves the fit'}",
+                )
                 settled = True
                 break
             before, (at, moved) = self._squares(at, own["noise"]), new
@@ -798,26 +803,32 @@ class _Fit:
                 settled = True
                 break
         if not settled:
-            self.study.notes = (f"the search has not settled in {MOST_STEPS} Gauss-Newton steps",)
+            self.unsettled = (f"the search has not settled in {MOST_STEPS} Gauss-Newton steps",)
         current = self.prior.changed(self.prior.values + moved)
         return self._result(rank, own, current, self.given - at.values)
 
     def _squares(self, at: Evaluated, noise: Array) -> float:
         return float(np.nansum(((self.given - at.values) / noise) ** 2))
 
-    def _shortened(self, at: Evaluated, moved: Array, step: Array, noise: Array) -> tuple[Evaluated, Array] | None:
-        """The step, halved until the mechanism exists with it and the fit is no worse; None where it never is."""
-        before = self._squares(at, noise)
+    def _shortened(
+        self, at: Evaluated, moved: Array, step: Array, noise: Array
+    ) -> tuple[tuple[Evaluated, Array] | None, str]:
+        """The step, halved until the mechanism exists with it and the fit is no worse; None where it never is, and why
+        the mechanism does not exist."""
+        before, why = self._squares(at, noise), ""
         for i in range(HALVINGS):
             new = moved + 0.5**i * step
             try:
                 there = self._at(self.prior.changed(self.prior.values + new))
-            except (DescriptionError, AssemblyError, SingularityError, ArgumentError):
+            except (DescriptionError, AssemblyError, SingularityError, ArgumentError) as error:
+                why = error.message
                 continue
             same = np.isfinite(there.values).all(axis=1) == np.isfinite(at.values).all(axis=1)
-            if same.all() and self._squares(there, noise) <= before:
-                return there, new
-        return None
+            if not same.all():
+                why = "other samples are reached"
+            elif self._squares(there, noise) <= before:
+                return (there, new), ""
+        return None, why
 
     def _result(
         self, rank: Identifiability, own: Mapping[str, Any], current: Parameters, left: Array
@@ -833,9 +844,9 @@ class _Fit:
             for parts, sd in zip(directions, deviations, strict=True)
         ]
         drowned = tuple(words[len(words) - own["drowned"] :][::-1])
-        notes = [*self.study.notes, *self.notes]
-        if missing := int((~known).sum()):
-            notes.append(f"{missing} of {len(known)} samples have no efforts and are left out")
+        notes = [*self.unsettled, *self.notes]
+        if missing := len(left) - int(known.sum()):
+            notes.append(f"{missing} of {len(left)} samples have no efforts and are left out")
         notes += _correlations(names, left[known])
         numbers = {name: list(values) for name, values in current.numbers.items()}
         return Identification(
@@ -883,8 +894,8 @@ def _exceeded(names: Sequence[str], rms: Array, noise: Array) -> Iterable[str]:
     for name, x, sd in zip(names, rms, noise, strict=True):
         if np.isfinite(sd) and x > EXCEEDS * sd:
             yield (
-                f"the residuals of {name} ({x:.3g}) exceed the given noise ({sd:.3g}): something acts that the model or "
-                "the parameters in by do not contain, such as friction"
+                f"the residuals of {name} ({x:.3g}) exceed the given noise ({sd:.3g}): something acts that the model "
+                "or the parameters in by do not contain, such as friction"
             )
 
 

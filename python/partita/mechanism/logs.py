@@ -70,6 +70,8 @@ def table_of(what: str, data: Any) -> dict[str, Array]:
 def _checked(what: str, columns: Mapping[str, Any]) -> dict[str, Array]:
     found: dict[str, Array] = {}
     for name, values in columns.items():
+        if getattr(values, "dtype", None) == bool:
+            continue  # verdicts beside the numbers
         try:
             found[name] = np.atleast_1d(floats(values))
         except TypeError:
@@ -255,7 +257,8 @@ def filter_of(t: Array | None, cutoff: float) -> Filter:
     step = float(np.mean(np.diff(t)))
     if not 0.0 < cutoff * step < 0.5:
         raise ArgumentError(
-            f"cutoff is {cutoff:g} Hz; the data, sampled at {1.0 / step:.6g} Hz, have nothing above {0.5 / step:.6g} Hz",
+            f"cutoff is {cutoff:g} Hz; the data, sampled at {1.0 / step:.6g} Hz, have nothing above "
+            f"{0.5 / step:.6g} Hz",
             argument="cutoff",
         )
     every = max(1, int(FULL_BAND / (2.0 * cutoff * step)))

@@ -52,7 +52,8 @@ def plot_singular_values(found: SingularValues, path: PathLike | None = None) ->
     values = positive(values / (values.max(initial=0.0) or 1.0))
     numbers = np.arange(1, len(values) + 1)
     dressed(ax, plain(f"{found.title}: {', '.join(found.measured)}"), "singular value / largest", time_axis=False)
-    ax.set_xlabel("number")
+    ax.set_xlabel("number", fontsize=9)
+    ax.margins(x=0.03)
     for part, colour, word in (
         (slice(0, found.rank), COLOURS[0], f"determined: {found.rank}"),
         (slice(found.rank, None), COLOURS[1], f"not determined: {len(values) - found.rank}"),
@@ -72,8 +73,7 @@ def plot_identification(found: Estimates, path: PathLike | None = None) -> Figur
     figure = new_figure(9.0, 3.0 + 0.26 * len(shown))
     above, below = figure.subplots(2, 1, height_ratios=[max(1.0, 0.26 * len(shown)), 2.0])
     rows = np.arange(len(shown))[::-1]
-    size = np.array([max(abs(one.prior), abs(one.estimate), one.sd) for one in shown])
-    size[size == 0.0] = 1.0
+    size = np.array([one.size for one in shown])
     changes = np.array([one.estimate - one.prior for one in shown]) / size
     bars = 3.0 * np.array([one.sd for one in shown]) / size
     dressed(above, plain(f"{found.title}: identified combinations"), "", time_axis=False)
@@ -83,7 +83,8 @@ def plot_identification(found: Estimates, path: PathLike | None = None) -> Figur
             above.errorbar(changes[which], rows[which], xerr=bars[which], fmt="o", color=colour, capsize=3, label=word)
     above.axvline(0.0, color="0.5", linewidth=0.8, linestyle=":")
     above.set_yticks(rows, [wrapped(one.name) for one in shown], fontsize=8)
-    above.set_xlabel("change from the prior / size of the combination")
+    above.set_xlabel("change from the prior / natural size", fontsize=9)
+    above.margins(x=0.03)
     legend(above, 2, 2, "kinds")
     dressed(below, "Residuals", "measured less computed")
     for (name, values), colour in zip(found.residuals.items(), COLOURS, strict=False):
