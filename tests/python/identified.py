@@ -78,8 +78,8 @@ def slider_crank() -> pt.Mechanism:
 
 
 def leg() -> pt.Mechanism:
-    """Two loops, two motors at the hip: thigh and lever; the lever's rod moves the shank by its heel, a rod from the thigh
-    moves the foot."""
+    """Two loops, two motors at the hip: thigh and lever; the lever's rod moves the shank by its heel, a rod from the
+    thigh moves the foot."""
     thigh, shank = along(-1.2), along(-2.0)
     knee = 0.42 * thigh
     heel, ankle, guide = knee - 0.11 * shank, knee + 0.40 * shank, 0.06 * along(-1.2 + 1.4)

@@ -1,4 +1,4 @@
-"""Identification: exact ranks, derivatives against other evaluations, estimates against the numbers that made the data."""
+"""Identification: exact ranks, derivatives against other evaluations, estimates against the numbers behind the data."""
 
 from __future__ import annotations
 
@@ -93,8 +93,8 @@ def test_ranks_are_those_of_seventy_digits(case: str) -> None:
 
 
 def test_a_parallelogram_determines_three_combinations() -> None:
-    """Its coupler does not turn, so the torque is (J1 + J3 + l^2 m2) a'' + g (X cos a - Y sin a) with X = x1 + x3 + l m2
-    and Y = y1 + y3, in axes of the links: three independent functions of the motion."""
+    """Its coupler does not turn, so the torque is (J1 + J3 + l^2 m2) a'' + g (X cos a - Y sin a) with
+    X = x1 + x3 + l m2 and Y = y1 + y3, in axes of the links: three independent functions of the motion."""
     m = four_bar(0.4, 0.9, 0.4, 0.9)
     found = m.identifiability(actuators=["A"])
     assert found.rank == 3 and found.gap > 1e6
@@ -136,7 +136,7 @@ def sprung() -> pt.Mechanism:
 GEOMETRY = ["B.point.x", "C.point", "D.point", "s.stiffness", "s.damping", "s.length", "coupler.com.x", "crank.mass"]
 
 
-@pytest.mark.parametrize(("actuators", "held"), [(["A"], ["A"]), (["A"], ["D"]), (["C"], ["B"])])
+@pytest.mark.parametrize(("actuators", "held"), [(["A"], ["A"]), (["A"], ["C"]), (["C"], ["B"])])
 def test_derivatives_are_those_of_inverse_dynamics(actuators: list[str], held: list[str]) -> None:
     """Central differences of another evaluation, positions closed anew with each number: lengths, springs, dampings,
     masses; measured coordinates in the tree and across the cut."""
@@ -290,7 +290,7 @@ def test_lengths_and_springs_are_found_by_gauss_newton() -> None:
     m = sprung()
     by = ["B.point.x", "s.stiffness", "s.length", "s.damping", "coupler.com.y", "rocker.mass"]
     numbers = {
-        "B.point": (np.array(m.compile().parameters["B.point"]) + [0.01, 0.0, 0.0]).tolist(),
+        "B.point": (np.array(m.compile().parameters["B.point"]) + np.array([0.01, 0.0, 0.0])).tolist(),
         "s.stiffness": 55.0,
         "s.length": 0.25,
         "s.damping": 5.0,

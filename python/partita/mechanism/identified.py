@@ -116,10 +116,10 @@ class Parameters:
             if item.kind == "plain":
                 for i in _places(item):
                     numbers[item.owner][i] = float(value)
-        for name, own in numbers.items():
+        for name, tensor in numbers.items():
             axes = self.axes.get(name.rpartition(".")[0], (0, 1, 2))
             if name.endswith(".inertia") and len(axes) == 2:
-                moments = np.array(own).reshape(3, 3)
+                moments = np.array(tensor).reshape(3, 3)
                 _possible(moments, list(axes), ({0, 1, 2} - set(axes)).pop())
                 numbers[name] = moments.ravel().tolist()
         for body in self.references:

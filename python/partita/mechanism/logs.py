@@ -70,7 +70,7 @@ def table_of(what: str, data: Any) -> dict[str, Array]:
 def _checked(what: str, columns: Mapping[str, Any]) -> dict[str, Array]:
     found: dict[str, Array] = {}
     for name, values in columns.items():
-        if getattr(values, "dtype", None) == bool:
+        if getattr(getattr(values, "dtype", None), "kind", "") == "b":
             continue  # verdicts beside the numbers
         try:
             found[name] = np.atleast_1d(floats(values))
