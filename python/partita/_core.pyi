@@ -119,7 +119,7 @@ class Inverse:
         along: list[list[float]],
         channels: str,
     ) -> dict[str, Any]:
-        """ "values" of channels (JSON) along a motion (nt, channels), their "derivatives" along the directions `along` of
+        """Along a motion: "values" of channels, JSON, (nt, channels), their "derivatives" along the directions `along` of
         all numbers of the parameters (nt, channels, directions), and "gaps"; `seen`: the same actuators and further
         coordinates; `held`: those of them that are measured."""
 

@@ -1,11 +1,12 @@
 """Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `linearize`,
-`singularities`, `workspace`, `placement`."""
+`singularities`, `workspace`, `placement`, `identify`."""
 
 from __future__ import annotations
 
 from ..results.joint import JointKinematics
 from .equilibrium import Equilibrium
 from .family import BranchPoint, EquilibriumPath, Fold
+from .identification import Combination, Identifiability, Identification
 from .inverse import InverseDynamics
 from .kinematics import DeadPoint, Kinematics, Limit, PointMotion
 from .linear import Linearization
@@ -16,10 +17,13 @@ from .workspace import Workspace
 
 __all__ = [
     "BranchPoint",
+    "Combination",
     "DeadPoint",
     "Equilibrium",
     "EquilibriumPath",
     "Fold",
+    "Identifiability",
+    "Identification",
     "InverseDynamics",
     "JointKinematics",
     "Kinematics",

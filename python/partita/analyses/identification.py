@@ -151,7 +151,7 @@ class Identification:
         t: (nt,) times of the residuals [s]; indices where the data have no times.
         residuals: channel -> measured less computed (nt,), [N, N m]; filtered if the data were.
         rms: channel -> root mean square of its residuals.
-        noise: channel -> standard deviation of its noise, given or from the residuals.
+        noise: channel -> standard deviation of its noise, given or from the residuals; filtered if the data were.
         iterations: evaluations of the regressor.
         warnings: sentences: bodies that cannot exist, noise that the residuals exceed.
         notes: sentences: how rates were made, what was left out.

@@ -175,7 +175,8 @@ def identify(
         measured: names of the columns that are fitted; None: all efforts of actuators and all forces.
         positions: names of the coordinates from which the motion is computed, as many as degrees of freedom; None:
             those of the actuators where they are measured, else the first ones.
-        noise: column -> standard deviation of its noise [N, N m]; None, or not named: from the residuals.
+        noise: column -> standard deviation of its noise [N, N m], white, before any filter; None, or not named: from
+            the residuals.
         cutoff: frequency [Hz] of a low-pass filter without phase for positions, efforts and regressor alike, of which
             samples at about twice this rate are kept; it should be some times above the motion and below the noise.
             None: no filter.
@@ -728,7 +729,8 @@ class _Fit:
         low_pass: Filter | None,
         path: Path,
     ) -> None:
-        self.study, self.channels, self.noise, self.low_pass, self.path = study, channels, noise, low_pass, path
+        self.study, self.channels, self.low_pass, self.path = study, channels, low_pass, path
+        self.noise = noise if low_pass is None else low_pass.gain * noise
         self.prior = study.parameters
         if not np.isfinite(given).all() and low_pass is not None:
             raise ArgumentError(
@@ -770,7 +772,11 @@ class _Fit:
     def _solved(self, at: Evaluated, moved: Array) -> dict[str, Any]:
         """Least squares for the whole change from the prior, `moved` so far."""
         residuals = self.given - at.values + at.derivatives @ moved
-        return self.study.fitted(at, residuals, self.sizes, self.noise)
+        found = self.study.fitted(at, residuals, self.sizes, self.noise)
+        if self.low_pass is not None:
+            for word in ("base_deviations", "deviations", "direction_deviations"):
+                found[word] = self.low_pass.widened * found[word]
+        return found
 
     def found(self) -> Identification:
         first = self._at(self.prior)

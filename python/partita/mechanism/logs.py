@@ -29,6 +29,9 @@ _ACCOUNT = "partita"
 """The column of a stored result in which its description stands."""
 FILTER_ORDER = 4
 """Order of the low-pass filter: two passes of this order."""
+SETTLING = 6.0
+"""Periods of the cut-off in which the filter settles at each end of a log: accelerations of what it makes of a sudden
+start have decayed to a thousandth by then."""
 UNEVEN = 1e-3
 """Times of a log are even up to this. Scale: fraction of the mean step. Reason: clocks of controllers jitter by less; a
 lost sample is a whole step."""
@@ -234,6 +237,14 @@ class Filter:
     every: int
     settled: int
     """Samples at each end in which the filter settles; they are left out."""
+    gain: float
+    """What it leaves of the standard deviation of white noise."""
+
+    @property
+    def widened(self) -> float:
+        """Standard deviations of estimates by the kept samples are larger by this than those by as many independent
+        ones, for regressors that vary slowly: the noise density at low frequencies over the mean density."""
+        return float(1.0 / (self.gain * np.sqrt(self.every)))
 
     def smooth(self, values: Array) -> Array:
         """Filtered along the first axis, as long as before."""
@@ -262,14 +273,18 @@ def filter_of(t: Array | None, cutoff: float) -> Filter:
             argument="cutoff",
         )
     every = max(1, int(FULL_BAND / (2.0 * cutoff * step)))
-    settled = int(np.ceil(1.0 / (cutoff * step)))
+    settled = int(np.ceil(SETTLING / (cutoff * step)))
     if len(t) <= 2 * settled + 2 * every:
         raise ArgumentError(
             f"cutoff is {cutoff:g} Hz, and the data last {t[-1] - t[0]:.3g} s: nothing is left after the filter has "
             "settled; give longer data, or a higher cutoff",
             argument="cutoff",
         )
-    return Filter(np.asarray(butter(FILTER_ORDER, 2.0 * cutoff * step, output="sos")), every, settled)
+    sections = np.asarray(butter(FILTER_ORDER, 2.0 * cutoff * step, output="sos"))
+    impulse = np.zeros(2 * settled + 1)
+    impulse[settled] = 1.0
+    gain = float(np.linalg.norm(Filter(sections, every, settled, 1.0).smooth(impulse)))
+    return Filter(sections, every, settled, gain)
 
 
 def differentiated(t: Array, position: Array) -> tuple[Array, Array]:

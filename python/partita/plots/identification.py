@@ -14,6 +14,8 @@ from .style import COLOURS, dressed, legend, new_figure, plain, positive, wrappe
 
 MOST_ROWS_SHOWN = 24
 """Base parameters in one figure."""
+MOST_POINTS = 4000
+"""Samples of a curve that a vector image holds; of more it holds a picture."""
 
 
 class SingularValues(Protocol):
@@ -88,7 +90,8 @@ def plot_identification(found: Estimates, path: PathLike | None = None) -> Figur
     legend(above, 2, 2, "kinds")
     dressed(below, "Residuals", "measured less computed")
     for (name, values), colour in zip(found.residuals.items(), COLOURS, strict=False):
-        below.plot(found.t, values, color=colour, linewidth=0.6, label=wrapped(name))
+        image = len(values) > MOST_POINTS
+        below.plot(found.t, values, color=colour, linewidth=0.6, label=wrapped(name), rasterized=image)
     legend(below, len(found.residuals), len(found.residuals), "channels")
     if path is not None:
         save_figure(figure, path)
