@@ -1,9 +1,9 @@
 """A leg with two loops and two motors: its masses, centres and inertias from ten seconds of encoders and torques.
 
-Run it with `.venv/bin/python examples/identification.py [FOLDER]`. A leg with other numbers than drawn is moved by its two
-motors; encoders of 20 bits and torques with noise are logged at 1 kHz. Of 24 numbers the log determines 16 combinations,
-and no log of torques more; the exit code is 1 if one of them is missed by more than three standard deviations. With
-FOLDER the estimates are drawn there, in identification.svg.
+Run it with `.venv/bin/python examples/identification.py [FOLDER]`. A leg with other numbers than drawn is moved by its
+two motors; encoders of 20 bits and torques with noise are logged at 1 kHz. Of 24 numbers the log determines 16
+combinations, and no log of torques more; the exit code is 1 if one of them is missed by more than three standard
+deviations. With FOLDER the estimates are drawn there, in identification.svg.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def meeting(p: Array, near: float, q: Array, far: float) -> Array:
 
 
 def mechanism() -> pt.Mechanism:
-    """Thigh and lever turn about the hip; the lever's rod moves the shank by its heel, a link from the thigh the foot."""
+    """Thigh and lever turn about the hip; the lever's rod moves the shank by its heel, the thigh's link the foot."""
     m = pt.Mechanism("leg", gravity="-y")
     hip = np.zeros(3)
     knee = THIGH * along(THIGH_ANGLE)

@@ -119,8 +119,8 @@ class Inverse:
         along: list[list[float]],
         channels: str,
     ) -> dict[str, Any]:
-        """Along a motion: "values" of channels, JSON, (nt, channels), their "derivatives" along the directions `along` of
-        all numbers of the parameters (nt, channels, directions), and "gaps"; `seen`: the same actuators and further
+        """Along a motion: "values" of channels, JSON, (nt, channels), "derivatives" along the directions `along` of all
+        numbers of the parameters (nt, channels, directions), and "gaps"; `seen`: the same actuators and further
         coordinates; `held`: those of them that are measured."""
 
 def least_squares(

@@ -77,35 +77,6 @@ def slider_crank() -> pt.Mechanism:
     return m
 
 
-def leg() -> pt.Mechanism:
-    """Two loops, two motors at the hip: thigh and lever; the lever's rod moves the shank by its heel, a rod from the
-    thigh moves the foot."""
-    thigh, shank = along(-1.2), along(-2.0)
-    knee = 0.42 * thigh
-    heel, ankle, guide = knee - 0.11 * shank, knee + 0.40 * shank, 0.06 * along(-1.2 + 1.4)
-    pin = meeting(ORIGIN, 0.12, heel, 0.40)
-    toe = meeting(ankle, 0.10, guide, 0.78)
-    rods = {
-        "thigh": (ORIGIN, knee),
-        "lever": (ORIGIN, pin),
-        "rod": (pin, heel),
-        "shank": (knee, ankle),
-        "foot": (ankle, toe),
-        "link": (guide, toe),
-    }
-    pins = {
-        "hip": ("ground", "thigh", ORIGIN),
-        "motor": ("ground", "lever", ORIGIN),
-        "pin": ("lever", "rod", pin),
-        "knee": ("thigh", "shank", knee),
-        "heel": ("rod", "shank", heel),
-        "ankle": ("shank", "foot", ankle),
-        "guide": ("thigh", "link", guide),
-        "toe": ("link", "foot", toe),
-    }
-    return linked("leg", rods, pins)
-
-
 def sines(t: Array, sizes: list[float], frequencies: list[float], phases: list[float]) -> tuple[Array, Array, Array]:
     """A sum of sines [Hz] and its derivatives."""
     w = 2.0 * np.pi * np.array(frequencies)[:, None]

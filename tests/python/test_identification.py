@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from identified import five_bar, four_bar, leg, log_of, other_numbers, sines, slider_crank
+from identified import five_bar, four_bar, log_of, other_numbers, sines, slider_crank
 from numpy.typing import NDArray
 
 import partita as pt
@@ -17,6 +18,19 @@ from partita.errors import ArgumentError, DescriptionError, FileFormatError, Mis
 from partita.mechanism.identified import Parameters, parameters_of
 
 Array = NDArray[np.float64]
+ROOT = Path(__file__).parents[2]
+
+
+def _example() -> Any:
+    found = importlib.util.spec_from_file_location("identification_example", ROOT / "examples" / "identification.py")
+    assert found is not None and found.loader is not None
+    example = importlib.util.module_from_spec(found)
+    found.loader.exec_module(example)
+    return example
+
+
+EXAMPLE = _example()
+leg = EXAMPLE.mechanism
 GROUND = ["ground.force.x", "ground.force.y"]
 FOUR_BAR_UNSEEN = {"crank.mass", "rocker.mass"}
 INERTIAS = {"crank.inertia_about_A.zz", "coupler.inertia_about_B.zz", "rocker.inertia_about_D.zz"}
@@ -166,9 +180,9 @@ def test_inertial_derivatives_of_a_spatial_mechanism_are_exact() -> None:
     """Forces are linear in (m, m c, J about a point): a difference over any step is the derivative."""
     m = pt.Mechanism("wrist", gravity="-z")
     arm = m.add_body("arm", mass=2.0, com=(0.1, 0.2, 0.3), inertia=(0.5, 0.6, 0.7))
-    hand = m.add_body("hand", mass=1.0, com=(0.0, 0.1, 0.5), inertia=(0.3, 0.2, 0.4), position=(0, 0, 0.6))
+    palm = m.add_body("palm", mass=1.0, com=(0.0, 0.1, 0.5), inertia=(0.3, 0.2, 0.4), position=(0, 0, 0.6))
     m.add_revolute("A", m.ground, arm, axis=(0, 0, 1), point=(0, 0, 0))
-    m.add_revolute("B", arm, hand, axis=(0.6, 0.8, 0), point=(0, 0.1, 0.6))
+    m.add_revolute("B", arm, palm, axis=(0.6, 0.8, 0), point=(0, 0.1, 0.6))
     p = parameters_of(m.compile(), None)
     assert len(p.labels) == 20
     t = np.linspace(0.0, 1.0, 7)
@@ -267,6 +281,20 @@ def test_a_leg_with_two_loops_is_identified_from_noisy_efforts() -> None:
     assert found.noise["effort.hip"] == pytest.approx(0.05, rel=0.03)
     assert found.noise["effort.motor"] == pytest.approx(0.1, rel=0.03)
     assert not found.drowned and found.hints[0].startswith("the force of the ground as well determines 17")
+
+
+def test_the_example_meets_its_combinations(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """From 20-bit encoders alone, and the picture of docs/identification.md is the one that it draws."""
+    pytest.importorskip("matplotlib")
+    assert EXAMPLE.main(tmp_path) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "24 parameters, 16 combinations" and len(lines) == 20
+    drawn, shown = (
+        (folder / "identification.svg").read_text("utf-8") for folder in (tmp_path, ROOT / "docs" / "pictures")
+    )
+    assert 0.8 < len(drawn) / len(shown) < 1.25 and len(shown) < 150_000
+    for danger in ("<script", "http://localhost", "foreignObject", "onload"):
+        assert danger not in shown
 
 
 def test_standard_deviations_are_those_of_repeated_data() -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..notebook import table
+from ..tolerance import EQUAL
 
 if TYPE_CHECKING:
     import pandas
@@ -64,14 +65,10 @@ class Combination:
         words: list[str] = []
         for label, factor in list(self.terms.items())[:SHOWN_TERMS]:
             size = abs(factor)
-            term = label if abs(size - 1.0) < _UNIT_FACTOR else f"{size:.6g} {label}"
+            term = label if abs(size - 1.0) < EQUAL else f"{size:.6g} {label}"
             words.append(f"{'-' if factor < 0.0 else '+'} {term}" if words else term)
         more = len(self.terms) - SHOWN_TERMS
         return " ".join(words) + (f" and {more} more" if more > 0 else "")
-
-
-_UNIT_FACTOR = 1e-9
-"""A factor of a combination that differs from 1 by less is not written. Scale: the factor. Reason: it was computed."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)

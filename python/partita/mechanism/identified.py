@@ -24,8 +24,8 @@ from ..units.text import unit_of
 Array = NDArray[np.float64]
 _AXES = "xyz"
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-_GRAVITY = 9.81
-"""Acceleration of gravity where a mechanism has none, for natural sizes of forces. Unit: m/s^2."""
+GRAVITY = 9.81
+"""Acceleration of gravity of a mechanism that has none: for natural sizes, and to try it. Unit: m/s^2."""
 LATER = {"mass": 4.0, "first": 2.0}
 """Parameters with larger numbers are expressed by others: masses, which are the hardest to separate, then first
 moments, then moments of inertia."""
@@ -263,9 +263,9 @@ class _Finder:
         self.bodies = list(self.drawn.bodies)
         self.normal = self._normal()
         self.points = {name: self._points(name) for name in self.bodies}
-        reaches = {name: max(map(np.linalg.norm, self._spread(name)), default=0.0) for name in self.bodies}
-        self.length = float(max(reaches.values(), default=0.0)) or 1.0
-        self.reaches = {name: float(x) if x > EQUAL * self.length else self.length for name, x in reaches.items()}
+        extents = {name: max(map(np.linalg.norm, self._spread(name)), default=0.0) for name in self.bodies}
+        self.length = float(max(extents.values(), default=0.0)) or 1.0
+        self.extents = {name: float(x) if x > EQUAL * self.length else self.length for name, x in extents.items()}
         masses = [self.known[f"{name}.mass"][0] for name in self.bodies]
         self.mass = float(np.mean([x for x in masses if x > 0.0])) if any(masses) else 1.0
 
@@ -321,7 +321,7 @@ class _Finder:
     def _of_body(self, body: str) -> dict[str, Parameter]:
         """All inertial parameters of a body in linear form, by label."""
         about, axes = self._reference(body).joint or "origin", self._axes(body)
-        mass, reach = self.known[f"{body}.mass"][0] or self.mass, self.reaches[body]
+        mass, extent = self.known[f"{body}.mass"][0] or self.mass, self.extents[body]
         carried = 0.0 if any(other == "ground" for _, other in self.points[body]) else CARRIED
 
         def of(label: str, unit: str, scale: float, kind: str, at: tuple[int, ...]) -> Parameter:
@@ -329,11 +329,11 @@ class _Finder:
             return Parameter(f"{body}.{label}", unit, scale, kind, body, at, later)
 
         found = [of("mass", "kg", mass, "mass", (0,))]
-        found += [of(f"first_moment.{_AXES[i]}", "kg m", mass * reach, "first", (i,)) for i in axes]
+        found += [of(f"first_moment.{_AXES[i]}", "kg m", mass * extent, "first", (i,)) for i in axes]
         pairs = [(i, i) for i in {0, 1, 2} - set(axes)] or _PAIRS
         for i, j in pairs:
             label = f"inertia_about_{about}.{_AXES[i]}{_AXES[j]}"
-            found.append(of(label, "kg m^2", mass * reach**2, "inertia", (i, j)))
+            found.append(of(label, "kg m^2", mass * extent**2, "inertia", (i, j)))
         return {item.label: item for item in found}
 
     def _plain(self, name: str) -> list[Parameter]:
@@ -401,14 +401,14 @@ class _Finder:
         name, _, word = owner.rpartition(".")
         if name in self.bodies:
             mass = self.known[f"{name}.mass"][0] or self.mass
-            return mass if word == "mass" else mass * self.reaches[name] ** 2
+            return mass if word == "mass" else mass * self.extents[name] ** 2
         values = self.known[owner]
         if largest := max(map(abs, [values[i]] if values[i] else values)):
             return float(largest)
         if not unit:
             return 1.0
         length, mass, time, _ = map(float, unit_of(unit).dimension)
-        return float(self.length**length * self.mass**mass * np.sqrt(self.length / _GRAVITY) ** time)
+        return float(self.length**length * self.mass**mass * np.sqrt(self.length / GRAVITY) ** time)
 
     def _reference(self, body: str) -> Reference:
         """The point of a joint to the ground, else of the first joint; else the origin of the body."""

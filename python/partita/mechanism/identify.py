@@ -27,10 +27,10 @@ from ..naming import listed
 from ..numeric import is_list, shown
 from ..options import si
 from ..state import State
-from ..tolerance import EQUAL
+from ..tolerance import EQUAL, LEAST_DIVISOR
 from ..units import Quantity
 from .goals import goals_of, units_of
-from .identified import Parameters, parameters_of
+from .identified import GRAVITY, Parameters, parameters_of
 from .inverse import inverse_dynamics
 from .kinematics import kinematics
 from .logs import (
@@ -58,11 +58,9 @@ FEWEST_STATES = 60
 """Random states, at least."""
 ATTEMPTS = 5
 """Rounds in which random positions are tried until enough of them close."""
-REACH = 0.35
+HALF_RANGE = 0.35
 """Half of the range of random positions. Unit: rad, or a length of the mechanism. Reason: most mechanisms stay on their
 branch."""
-GRAVITY = 9.81
-"""Acceleration of gravity that is tried where there is none. Unit: m/s^2. Reason: it is that of the earth."""
 MOST_STEPS = 30
 """Steps of Gauss and Newton."""
 HALVINGS = 10
@@ -541,7 +539,7 @@ class _Study:
         goals = [goal for name in names for goal in goals_of("positions", name, self.model)]
         sizes = np.array([self.length if unit == "m" else 1.0 for unit in units_of(goals, self.model)])
         centre = np.array([self._coordinates[name] for name in names])
-        spread = REACH * sizes
+        spread = HALF_RANGE * sizes
         if around is not None and tuple(names) == around.names:
             lower, upper = around.levels[0].min(axis=0), around.levels[0].max(axis=0)
             centre, spread = 0.5 * (lower + upper), np.maximum(spread, 0.5 * (upper - lower))
@@ -600,7 +598,7 @@ class _Study:
         """The rank along states, and what further channels and motions would add."""
         own, p = self.rank(found), self.parameters
         rank, values = own["rank"], own["singular"]
-        gap = float("inf") if rank == len(values) else float(values[rank - 1] / max(values[rank], _TINY * values[0]))
+        gap = float("inf") if rank == len(values) else float(values[rank - 1] / max(values[rank], LEAST_DIVISOR))
         if rank and gap < SHARP:
             notes = (
                 *notes,
@@ -667,8 +665,6 @@ SPLINE_ENDS = 10
 """Samples at each end of a spline that are left out: its error there falls to a half or less with each."""
 _SPLINE_POINTS = 2 * SPLINE_ENDS + 6
 """Times that a spline of degree five needs, without its ends."""
-_TINY = 1e-300
-"""A gap is not divided by less. Scale: fraction of the largest singular value. Reason: only zero is changed."""
 
 
 def _distinct(channels: Sequence[Channel]) -> list[Channel]:
@@ -881,7 +877,7 @@ def _impossible(current: Parameters, rank: Identifiability) -> Iterable[str]:
     for body in current.bodies():
         mass, moments = current.mass_and_moments(body)
         rounding = EQUAL * float(np.abs(moments).max())
-        exists = len(moments) == 1 or 2.0 * moments.max() <= moments.sum() + rounding
+        exists = len(moments) == 1 or moments.max() <= moments.sum() - moments.max() + rounding
         if mass > 0.0 and moments.min() >= -rounding and moments.max() > 0.0 and exists:
             continue
         shared = [label for label in rank.together if label.startswith(f"{body}.")]

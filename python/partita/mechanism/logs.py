@@ -78,26 +78,26 @@ def _checked(what: str, columns: Mapping[str, Any]) -> dict[str, Array]:
         try:
             found[name] = np.atleast_1d(floats(values))
         except TypeError:
-            if name in _TIMES or _meant(name):
+            if name in _TIMES or _is_channel(name):
                 raise ArgumentError(
                     f"{what}[{name!r}] must be an array of numbers in SI units, not {shown(values)}", argument=what
                 ) from None
             continue  # words beside the numbers
     lengths = {name: len(x) for name, x in found.items() if x.ndim == 1}
-    flat = {name: x for name, x in found.items() if x.ndim == 1}
+    single = {name: x for name, x in found.items() if x.ndim == 1}
     if not lengths:
         raise ArgumentError(f"{what} has no columns of numbers", argument=what)
     count = max(lengths.values())
-    for name, x in flat.items():
+    for name, x in single.items():
         if len(x) not in (1, count):
             raise ArgumentError(
                 f"{what}[{name!r}] has {len(x)} values, other columns have {count}; give one for each instant",
                 argument=what,
             )
-    return {name: np.broadcast_to(x, count).astype(float) for name, x in flat.items()}
+    return {name: np.broadcast_to(x, count).astype(float) for name, x in single.items()}
 
 
-def _meant(name: str) -> bool:
+def _is_channel(name: str) -> bool:
     return name.startswith(("joint.", "effort.", "ground."))
 
 
@@ -266,10 +266,10 @@ def filter_of(t: Array | None, cutoff: float) -> Filter:
             "cutoff: a filter needs times at even steps; resample the data, or leave cutoff out", argument="cutoff"
         )
     step = float(np.mean(np.diff(t)))
-    if not 0.0 < cutoff * step < 0.5:
+    highest = 0.5 / step
+    if not 0.0 < cutoff < highest:
         raise ArgumentError(
-            f"cutoff is {cutoff:g} Hz; the data, sampled at {1.0 / step:.6g} Hz, have nothing above "
-            f"{0.5 / step:.6g} Hz",
+            f"cutoff is {cutoff:g} Hz; the data, sampled at {1.0 / step:.6g} Hz, have nothing above {highest:.6g} Hz",
             argument="cutoff",
         )
     every = max(1, int(FULL_BAND / (2.0 * cutoff * step)))
