@@ -206,6 +206,29 @@ def test_inertial_derivatives_of_a_spatial_mechanism_are_exact() -> None:
     assert m.identifiability(actuators=["A", "B"]).rank == 8
 
 
+def test_a_rod_that_spins_about_itself_needs_no_actuator() -> None:
+    """Its spin goes on as it will; numbers by which it stays round, by inverse dynamics, which lets it spin as well."""
+    m = pt.catalogue.load("rssr")
+    round_rod = ["coupler.mass", "coupler.first_moment.x", "coupler.inertia_about_P.xx"]
+    p = parameters_of(m.compile(), [*round_rod, "rocker.mass", "crank.com.y"])
+    t = np.linspace(0.0, 1.0, 5)
+    course = sines(t, [0.3], [0.9], [0.2])
+    levels = [{"A": course[i]} for i in range(3)]
+    values, path = evaluated(m, p, levels, ["A"], ["A", "D"])
+    channels = [{"effort": 0}, *({"ground": i} for i in range(6)), *({"joint": [0, i]} for i in range(3))]
+    found, slopes, gaps = derivatives(m, p, path, channels, ["A"], ["A"])
+    assert not any(gaps)
+    np.testing.assert_allclose(found, values, atol=1e-9)
+    for i, label in enumerate(p.labels):
+        h = 1e-6 * p.scales[i]
+        shifted = [p.changed(p.values + x * np.eye(len(p.labels))[i]) for x in (h, -h)]
+        ahead, behind = (evaluated(m, x, levels, ["A"], ["A", "D"])[0] for x in shifted)
+        expected = (ahead - behind) / (2.0 * h)
+        np.testing.assert_allclose(slopes[:, :, i], expected, atol=1e-6 * np.abs(slopes).max(), err_msg=label)
+    known = m.identifiability(actuators=["A"])
+    assert 0 < known.rank < 30 and known.gap > 1e3
+
+
 def test_what_is_not_determined_changes_no_torque() -> None:
     """Along a change of parameters that keeps every combination the torques stay, by inverse dynamics with them."""
     m = leg()

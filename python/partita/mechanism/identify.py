@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 ANY, REST = "any", "rest"
 SEED = 1
 """Seed of random states."""
-RICH_STATES = 6
+RICH_STATES = 2
 """Random states for each parameter."""
 FEWEST_STATES = 60
 """Random states, at least."""

@@ -13,6 +13,7 @@ use super::{Gap, Inverse, InverseScratch};
 use crate::error::AnalysisError;
 use crate::outputs::{chunk_of, tables, Rows, States, Watch};
 use partita_math::dense;
+use partita_math::factor;
 use partita_math::scalar::{Dual, Scalar};
 use partita_model::evaluator::{Evaluator, Scratch};
 use partita_model::reaction::{Reactions, Wrench};
@@ -157,15 +158,16 @@ impl Regressor {
         let rank = inverse.rank(states)?;
         let (n, s, m) = (inverse.released.size().nv, inverse.levers.len(), self.channels.len());
         let k = n - rank;
-        if k != s {
+        // rotations that move nothing else, and have no actuator
+        if k < s || k - s > inverse.idle {
             let message = format!(
-                "the mechanism has {k} degree{} of freedom without its drives, and {s} actuator{} (of {} rotation{} \
-                 that move nothing else): the efforts along a motion are unique where their numbers are equal; name \
-                 one actuator for each degree of freedom, a joint without a motor as well: its effort is 0",
-                if k == 1 { "" } else { "s" },
+                "the mechanism has {} degree{} of freedom without its drives{}, and {s} actuator{}: the efforts along a \
+                 motion are unique where their numbers are equal; name one actuator for each degree of freedom, a joint \
+                 without a motor as well: its effort is 0",
+                k - inverse.idle,
+                if k - inverse.idle == 1 { "" } else { "s" },
+                if inverse.idle > 0 { " and rotations that move nothing else" } else { "" },
                 if s == 1 { "" } else { "s" },
-                inverse.idle,
-                if inverse.idle == 1 { "" } else { "s" },
             );
             return Err(AnalysisError::Argument { argument: "actuators", message });
         }
@@ -213,25 +215,40 @@ impl Regressor {
             return Ok(Gap::Actuators);
         }
         let k = set.b().rows();
-        // B⁻¹, column by column
+        // B⁻¹, column by column; with idle rotations, which go on as they will, its left inverse in the metric M_d⁻¹
         let overflow = |_| SystemError::NotFinite { what: "an effort".into(), t };
-        let (ones, zeros) = (vec![1.0; k], vec![0.0; k]);
+        let s = inverse.levers.len();
+        let (ones, zeros) = (vec![1.0; s], vec![0.0; s]);
         let unit = |i: usize| (0..k).map(|j| if i == j { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
         let columns: Vec<Vec<f64>> =
             (0..k).map(|i| set.efforts(&unit(i), &zeros, &ones)).collect::<Result<_, _>>().map_err(overflow)?;
         let solved = |needed: &[f64]| {
-            let mut tau = vec![0.0; k];
+            let mut tau = vec![0.0; s];
             needed.iter().zip(&columns).for_each(|(x, column)| dense::axpy(*x, column, &mut tau));
             tau
         };
         // the motion as it is
-        {
-            let (own, r) = (&mut memory.own.residual, &mut memory.own.reduction);
-            r.at.v.copy_from_slice(v);
-            r.velocity(t, q)?;
-            r.system.inverse_dynamics(t, q, v, vdot, &mut r.scratch, own)?;
+        let own = &mut memory.own;
+        own.reduction.at.v.copy_from_slice(v);
+        own.reduction.velocity(t, q)?;
+        let needed = |own: &mut InverseScratch, vdot: &[f64]| {
+            let r = &mut own.reduction;
+            r.system.inverse_dynamics(t, q, v, vdot, &mut r.scratch, &mut own.residual)?;
+            Ok::<_, SystemError>(projected(&own.reduction, k, own.residual.iter().copied()))
+        };
+        let mut acting = needed(own, vdot)?;
+        let tau = solved(&acting);
+        let mut moved = vdot.to_vec();
+        if s < k {
+            // M_d du' = B τ − τ_d
+            let mut du: Vec<f64> = set.b().matvec(&tau).iter().zip(&acting).map(|(x, y)| x - y).collect();
+            let mut l = own.md.clone();
+            factor::cholesky_large(&mut l, k).map_err(overflow)?;
+            dense::cholesky_solve(&l, k, &mut du);
+            moved.iter_mut().zip(own.reduction.at.dt.chunks_exact(k)).for_each(|(x, d)| *x += dense::dot(d, &du));
+            acting = needed(own, &moved)?;
         }
-        let tau = solved(&projected(&memory.own.reduction, k, memory.own.residual.iter().copied()));
+        let (tau, vdot) = (solved(&acting), &moved[..]);
         let change = memory.own.residual.clone();
         let mut found = std::mem::take(&mut memory.multipliers);
         self.multipliers(&tau, change, &memory.own, |row, x| found[row] = x);
