@@ -386,6 +386,8 @@ def test_logs_of_any_kind_say_the_same(tmp_path: Path) -> None:
     by = ["coupler.inertia.zz"]
     wanted = m.identify(run.to_pandas(), by=by, measured=["joint.A.drive"], parameters={"coupler.mass": 1.5})
     assert wanted.estimates["coupler.inertia"][8] == pytest.approx(0.1, rel=1e-5)
+    applied = wanted.apply()
+    assert applied.summary["drives"] and applied.parameters["coupler.mass"] == 1.5
     stored = m.identify(tmp_path / "run.csv", by=by, measured=["joint.A.drive"], parameters={"coupler.mass": 1.5})
     assert stored.values == pytest.approx(wanted.values, rel=1e-12)
     data = {
