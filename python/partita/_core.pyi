@@ -106,6 +106,31 @@ class Inverse:
     ) -> dict[str, Any]:
         """Efforts, multipliers, margin, remainder, null space, rates, gaps and k for a motion, by name."""
 
+    def regressor(
+        self,
+        seen: Inverse,
+        held: list[int],
+        t: Array,
+        q: Array,
+        v: Array,
+        vdot: Array,
+        names: list[str],
+        values: list[list[float]],
+        along: list[list[float]],
+        channels: str,
+    ) -> dict[str, Any]:
+        """Along a motion: "values" of channels, JSON, (nt, channels), "derivatives" along the directions `along` of all
+        numbers of the parameters (nt, channels, directions), and "gaps"; `seen`: the same actuators and further
+        coordinates; `held`: those of them that are measured."""
+
+def least_squares(
+    derivatives: Array, residuals: Array, sizes: Array, noise: Array, scales: Array, preference: Array
+) -> dict[str, Any]:
+    """Identification by least squares: derivatives (nt, channels, n), residuals (nt, channels), root mean squares and
+    noise (NaN: from the residuals) of the channels, natural sizes of the parameters, and which are expressed by others
+    first. "rank", "base", "dependent", "coefficients", "changes", "base_changes", "base_deviations", "deviations",
+    "directions", "direction_deviations", "drowned", "singular", "noise" and "left"."""
+
 def singularities(
     model: Model,
     actuators: Inverse | None,

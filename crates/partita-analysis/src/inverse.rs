@@ -7,6 +7,8 @@
 //! The set need not be that which the motion was made with: drives are left out, and actuators are forces, so that none
 //! of them is a constraint. Reactions follow from the multipliers of an actuated model, as those of a run do.
 
+pub mod regressor;
+
 use crate::error::AnalysisError;
 use crate::outputs::{chunk_of, tables, Rows, States, Watch};
 use crate::plausibility::idle;

@@ -10,6 +10,7 @@ pub mod error;
 mod examples;
 mod geometric_error;
 mod geometry;
+pub mod identification;
 pub mod instant;
 pub mod inverse;
 pub mod kinematic;

@@ -6,6 +6,7 @@ use crate::model::Model;
 use crate::outputs::watched;
 use crate::state::Array;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use partita_analysis::inverse::regressor::{Channel, Directions, Regressor};
 use partita_analysis::inverse::{Actuator, Distribution, Gap};
 use partita_analysis::outputs::States;
 use partita_system::prelude::*;
@@ -198,16 +199,63 @@ impl Inverse {
             for (name, data, shape) in shapes {
                 d.set_item(name, array(py, &[&[nt], shape].concat(), data))?;
             }
-            let word = |gap: &Gap| match gap {
-                Gap::None => "",
-                Gap::Constraints => "constraints",
-                Gap::Actuators => "actuators",
-                Gap::Motion => "motion",
-            };
             d.set_item("gaps", found.gaps.iter().map(word).collect::<Vec<_>>())?;
             d.set_item("k", found.k)?;
             d.set_item("weakest", found.weakest)?;
             Ok(d)
         })
+    }
+
+    /// Values of channels along a motion (nt, channels), their derivatives along directions of parameters
+    /// (nt, channels, directions), and gaps, by name. `channels` as JSON; `seen`: the same actuators and further measured
+    /// coordinates; `held`: which of these are measured.
+    #[pyo3(signature = (seen, held, t, q, v, vdot, names, values, along, channels))]
+    fn regressor<'py>(
+        &self,
+        py: Python<'py>,
+        seen: PyRef<'py, Self>,
+        held: Vec<usize>,
+        t: PyReadonlyArray1<'py, f64>,
+        q: PyReadonlyArray2<'py, f64>,
+        v: PyReadonlyArray2<'py, f64>,
+        vdot: PyReadonlyArray2<'py, f64>,
+        names: Vec<String>,
+        values: Vec<Vec<f64>>,
+        along: Vec<Vec<f64>>,
+        channels: &str,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        guarded(py, || {
+            let size = self.inner.actuated().size();
+            let t = entries_of(&t);
+            let nt = t.len();
+            let (q, v) = (rows_of(&q, nt, size.nq, "q")?, rows_of(&v, nt, size.nv, "v")?);
+            let vdot = rows_of(&vdot, nt, size.nv, "vdot")?;
+            let channels: Vec<Channel> = serde_json::from_str(channels).map_err(|e| unexpected(e.to_string()))?;
+            let numbers: usize = values.iter().map(Vec::len).sum();
+            if names.len() != values.len() || along.iter().any(|x| x.len() != numbers) {
+                return Err(unexpected("directions do not fit the parameters".into()));
+            }
+            let (m, count) = (channels.len(), along.len());
+            let by = Directions { names, values, along };
+            let made = Regressor::new(self.inner.clone(), (seen.inner.clone(), held), &by, channels)
+                .map_err(|e| failure::analysis(py, e))?;
+            let states = States { t: &t, q: &q, v: &v };
+            let found = watched(py, |watch| made.along(&states, &vdot, watch))?;
+            let d = PyDict::new(py);
+            d.set_item("values", array(py, &[nt, m], found.values))?;
+            d.set_item("derivatives", array(py, &[nt, m, count], found.derivatives))?;
+            d.set_item("gaps", found.gaps.iter().map(word).collect::<Vec<_>>())?;
+            Ok(d)
+        })
+    }
+}
+
+/// Why an instant has no efforts, as Python reads it.
+fn word(gap: &Gap) -> &'static str {
+    match gap {
+        Gap::None => "",
+        Gap::Constraints => "constraints",
+        Gap::Actuators => "actuators",
+        Gap::Motion => "motion",
     }
 }

@@ -9,6 +9,7 @@ mod ensemble;
 mod events;
 mod failure;
 mod functions;
+mod identification;
 mod inverse;
 mod maps;
 mod model;
@@ -60,6 +61,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(tapes::tapes, m)?)?;
     m.add_function(wrap_pyfunction!(maps::singularities, m)?)?;
     m.add_function(wrap_pyfunction!(maps::measures, m)?)?;
+    m.add_function(wrap_pyfunction!(identification::least_squares, m)?)?;
     m.add_function(wrap_pyfunction!(partition::measure, m)?)?;
     m.add_function(wrap_pyfunction!(partition::choose, m)?)?;
     m.add_function(wrap_pyfunction!(partition::geometry, m)?)?;

@@ -1,6 +1,9 @@
 """Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `cycle`,
 `linearize`, `singularities`, `workspace`, `placement`."""
 
+"""Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `linearize`,
+`singularities`, `workspace`, `placement`, `identify`."""
+
 from __future__ import annotations
 
 from ..results.joint import JointKinematics
@@ -8,6 +11,7 @@ from .cycle import Cycle, CycleDerivative
 from .cycles import Bifurcation, CycleFamily
 from .equilibrium import Equilibrium
 from .family import BranchPoint, EquilibriumPath, Fold
+from .identification import Combination, Identifiability, Identification
 from .inverse import InverseDynamics
 from .kinematics import DeadPoint, Kinematics, Limit, PointMotion
 from .linear import Linearization
@@ -22,10 +26,13 @@ __all__ = [
     "Cycle",
     "CycleDerivative",
     "CycleFamily",
+    "Combination",
     "DeadPoint",
     "Equilibrium",
     "EquilibriumPath",
     "Fold",
+    "Identifiability",
+    "Identification",
     "InverseDynamics",
     "JointKinematics",
     "Kinematics",

@@ -21,6 +21,7 @@ from .equilibrium import equilibria, equilibrium
 from .exporting import export_c
 from .fmu import to_fmu
 from .gradient import gradient
+from .identify import identifiability, identify
 from .inverse import inverse_dynamics
 from .kinematics import kinematics
 from .linear import linearize
@@ -96,6 +97,8 @@ class Mechanism(Modelled):
     ensemble = ensemble
     gradient = gradient
     inverse_dynamics = inverse_dynamics
+    identifiability = identifiability
+    identify = identify
     inputs = property(stepping.inputs)
     stepper = stepping.stepper
     compare = compare_mechanism
@@ -160,4 +163,6 @@ class Mechanism(Modelled):
         return save(self, path, options.yes_or_no("strict", strict))
 
 
-explain(Mechanism, "assemble", "assemble_many", "kinematics", "simulate", "stepper", "equilibrium", "cycle", "linearize")
+explain(
+    Mechanism, "assemble", "assemble_many", "kinematics", "simulate", "stepper", "equilibrium", "cycle", "linearize"
+)

@@ -412,6 +412,21 @@ impl<S: Scalar> Evaluator<S> {
         Ok(result)
     }
 
+    /// Action of the ground on the mechanism through all of its joints, with the efforts in them: from reactions at the
+    /// present look, about the origin of the world, world axes.
+    pub fn ground_wrench(&self, r: &Reactions<S>, s: &Scratch<S>) -> Wrench<S> {
+        let mut sum = Wrench::default();
+        for (j, (p, w)) in self.placed.joints.iter().zip(&r.joints).enumerate() {
+            if (p.parent == 0) == (p.child == 0) {
+                continue;
+            }
+            let point = constant::<S>(&self.placed.basis).apply_transposed(self.joint_point_now(s, j));
+            let about = w.about(point);
+            sum.add(&if p.child == 0 { about.opposite() } else { about });
+        }
+        sum
+    }
+
     /// [`Reactions::residual`] of a motion, with a given [`whole`](Self::whole).
     pub fn residual_of(
         &self,
