@@ -1,8 +1,5 @@
 """Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `cycle`,
-`linearize`, `singularities`, `workspace`, `placement`."""
-
-"""Analyses of one position, or of many: results of `kinematics`, `inverse_dynamics`, `equilibrium`, `linearize`,
-`singularities`, `workspace`, `placement`, `identify`."""
+`linearize`, `singularities`, `workspace`, `placement`, `identify`."""
 
 from __future__ import annotations
 
