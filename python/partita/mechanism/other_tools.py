@@ -126,7 +126,7 @@ def to_jax(
     >>> jax.config.update("jax_enable_x64", True)
     >>> f = pt.catalogue.load("planar-pendulum").to_jax(parameters=["bob.mass"])
     >>> f.state_names, f.rates(0.0, f.x0).shape
-    (('A', "A'"), (2,))
+    (('pivot', "pivot'"), (2,))
     >>> slope = jax.jit(jax.jacfwd(f.rates, argnums=1))(0.0, f.x0)
     >>> slope.shape
     (2, 2)
