@@ -87,7 +87,8 @@ def mechanism() -> pt.Mechanism:
 
 def true_numbers(m: pt.Mechanism, seed: int = 7) -> dict[str, Any]:
     """Numbers of the leg that is measured: masses, centres and inertias up to 40 per cent from those drawn."""
-    rng, drawn = np.random.default_rng(seed), m.compile().parameters
+    rng = np.random.default_rng(seed)
+    drawn: dict[str, Any] = dict(m.compile().parameters)
     found: dict[str, Any] = {}
     for body in m.bodies:
         com, moment = np.array(drawn[f"{body}.com"]), drawn[f"{body}.inertia"][8] * rng.uniform(0.8, 1.4)
