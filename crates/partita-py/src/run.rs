@@ -10,7 +10,7 @@ use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use partita_analysis::error::AnalysisError;
 use partita_analysis::run::cost::{evaluation_costs, ClosedState, Contender};
 use partita_analysis::run::{self, Balance, Finding, Request, Run, SolutionLog};
-use partita_analysis::sensitivity::{self, SensitivityRequest, Instant as At, Leg, Time, Weights};
+use partita_analysis::sensitivity::{self, Instant as At, Leg, SensitivityRequest, Time, Weights};
 use partita_integrate::counters::Counters;
 use partita_integrate::march::StepReader;
 use partita_integrate::simulate::{Observe, Outcome, Status};

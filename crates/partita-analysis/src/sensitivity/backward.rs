@@ -8,9 +8,9 @@
 //! What a step does is recorded once for each choice of coordinates and read backwards; the states where steps began are
 //! those of the run. Instants and the start, of which there are few, are differentiated forwards and transposed.
 
-use super::retaken::{advanced_plain, Rates, State};
 use super::legs::{Instant, Leg, Stride};
-use super::{cross, start, stepping, SensitivityRequest, Direction, Equations, Reader};
+use super::retaken::{advanced_plain, Rates, State};
+use super::{cross, start, stepping, Direction, Equations, Reader, SensitivityRequest};
 use crate::error::AnalysisError;
 use crate::outputs::Watch;
 use partita_math::dense::{lu, lu_solve_transposed};
@@ -158,7 +158,12 @@ impl Parameters {
 ///
 /// # Errors
 /// Where something has no derivative, or cannot be recorded.
-pub fn backward(legs: &[Leg], asked: &SensitivityRequest, weights: &Weights, watch: Watch) -> Result<Vec<f64>, AnalysisError> {
+pub fn backward(
+    legs: &[Leg],
+    asked: &SensitivityRequest,
+    weights: &Weights,
+    watch: Watch,
+) -> Result<Vec<f64>, AnalysisError> {
     let filled = stepping(legs);
     let Some(&first) = filled.first() else { return Ok(vec![0.0; asked.directions.len()]) };
     let parameters = Parameters::new(&legs[first], &asked.directions)?;

@@ -7,8 +7,8 @@
 //!
 //! All of it at the side before. Which rows act, and that a stop bounces, is as the run found it.
 
-use super::retaken::{constant, Rates, State};
 use super::legs::{Instant, Stride};
+use super::retaken::{constant, Rates, State};
 use crate::error::AnalysisError;
 use crate::run::segments::Law;
 use partita_math::dense::{cholesky_backward, cholesky_forward, cholesky_solve, cholesky_straight, pivoted_cholesky};

@@ -4,14 +4,13 @@
 //! coordinates by which it was taken, over numbers with derivatives. Lengths of steps are constants.
 
 mod backward;
-mod retaken;
 mod jump;
-mod start;
 mod legs;
+mod retaken;
+mod start;
 
 use crate::error::AnalysisError;
 use crate::outputs::Watch;
-use retaken::{along, constant, Rates, State};
 use jump::{Shift, Side};
 use partita_math::scalar::Scalar;
 use partita_model::carried::{Carried, CarriedState, Observable, Observers, CARRIED};
@@ -20,6 +19,7 @@ use partita_model::{Evaluator, Model};
 use partita_system::choice::OwnedChoice;
 use partita_system::prelude::*;
 use partita_system::rates::ChosenRates;
+use retaken::{along, constant, Rates, State};
 use serde::Deserialize;
 
 pub use backward::{backward, Weights};
@@ -84,7 +84,12 @@ pub struct Derivatives {
 ///
 /// # Errors
 /// Where something has no derivative.
-pub fn forward(legs: &[Leg], count: usize, asked: &SensitivityRequest, watch: Watch) -> Result<Derivatives, AnalysisError> {
+pub fn forward(
+    legs: &[Leg],
+    count: usize,
+    asked: &SensitivityRequest,
+    watch: Watch,
+) -> Result<Derivatives, AnalysisError> {
     let (m, d) = (asked.observables.len(), asked.directions.len());
     let unknown = |n: usize| vec![f64::NAN; n];
     let mut out = Derivatives {
@@ -261,7 +266,12 @@ fn cross(
 }
 
 /// Along at most so many directions as are carried together.
-fn carried(legs: &[Leg], asked: &SensitivityRequest, directions: &[Direction], take: Take) -> Result<Carrying, AnalysisError> {
+fn carried(
+    legs: &[Leg],
+    asked: &SensitivityRequest,
+    directions: &[Direction],
+    take: Take,
+) -> Result<Carrying, AnalysisError> {
     let mut found = Carrying { integrals: vec![constant(0.0); asked.integrals.len()], shifts: Vec::new() };
     let all = legs.iter().map(|leg| Equations::new(leg, directions)).collect::<Result<Vec<_>, _>>()?;
     let mut before: Option<(usize, State)> = None;

@@ -4,8 +4,8 @@
 //! q closed for the numbers, z such that each held coordinate has its value;  v = Dᵀ u + η, u such that its rate has
 //! ```
 
-use super::retaken::{constant, put_values, Rates, State};
 use super::legs::Leg;
+use super::retaken::{constant, put_values, Rates, State};
 use super::{Direction, HeldCoordinate};
 use crate::error::AnalysisError;
 use partita_math::dense::{lu, lu_pivot_ratio, lu_solve};
@@ -83,7 +83,8 @@ pub fn started(
     let positions = measures.iter().map(|m| Observable::Formula(Formula::Position(m.clone())));
     let speeds = measures.iter().map(|m| Observable::Formula(Formula::Velocity(m.clone())));
     let read: Vec<Observable> = positions.chain(speeds).collect();
-    let coordinates = HeldCoordinates { e, observers: leg.model.observers(e, &read, "start")?, all, measures: measures.len() };
+    let coordinates =
+        HeldCoordinates { e, observers: leg.model.observers(e, &read, "start")?, all, measures: measures.len() };
     let still = State::constant(from);
     // closed for the numbers, independent coordinates as they are
     let u: Vec<Carried> = choice.independent.iter().map(|&i| still.v[i]).collect();
@@ -99,7 +100,8 @@ pub fn started(
         let base = x.velocities(constant(from.t), &still.q, &u)?.to_vec();
         let v: Vec<Carried> = v.iter().zip(&base).map(|(v, base)| difference(v, base)).collect();
         let without: Vec<Carried> = still.v.clone();
-        let ((_, moved), (_, rest)) = (coordinates.read(from.t, &still.q, &v)?, coordinates.read(from.t, &still.q, &without)?);
+        let ((_, moved), (_, rest)) =
+            (coordinates.read(from.t, &still.q, &v)?, coordinates.read(from.t, &still.q, &without)?);
         for j in first..k.min(first + CARRIED) {
             (0..k).for_each(|i| matrix[i * k + j] = moved[i].eps[j - first] - rest[i].eps[j - first]);
         }
