@@ -11,7 +11,7 @@ use crate::model::Model;
 use crate::rows::Owner;
 use crate::spec::Measure;
 use crate::wrench::Wrench;
-use partita_math::scalar::{Cases, Dual, Recorder, Recording, Scalar};
+use partita_math::scalar::{Cases, Recorder, Recording, Scalar};
 use partita_math::spatial::Spatial;
 use partita_system::choice::Choice;
 use partita_system::prelude::*;
@@ -225,13 +225,13 @@ impl Model {
     pub fn mass_and_rows(
         &self,
         e: &Evaluator<Carried>,
-        t: f64,
+        t: Carried,
         q: &[Carried],
         v: &[Carried],
     ) -> Result<[Vec<Carried>; 3], SystemError> {
         let (size, pattern) = (self.size(), self.pattern());
         let zeros = |n: usize| vec![Carried::zero(); n];
-        let (t, n, mut s) = (Dual::constant(t), size.nv, e.scratch());
+        let (n, mut s) = (size.nv, e.scratch());
         let (mut phi, mut c, mut a) = (zeros(size.holonomic), zeros(pattern.nnz()), zeros(size.rows));
         let (mut b, mut mass, mut h) = (zeros(size.rows), zeros(n * n), zeros(n));
         e.position(t, q, &mut s, &mut phi, &mut c, &mut a)?;

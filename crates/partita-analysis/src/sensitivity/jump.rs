@@ -219,7 +219,7 @@ pub fn thrown(
     jump: &Jump,
     e: &Evaluator<Carried>,
     state: &State,
-    t: f64,
+    t: Carried,
     after: &[f64],
 ) -> Result<Vec<Carried>, AnalysisError> {
     if jump.laws.is_empty() {
@@ -231,8 +231,9 @@ pub fn thrown(
     cholesky_straight(&mut l, n);
     if l.iter().step_by(n + 1).any(|x| !x.re.is_finite()) {
         return Err(refused(format!(
-            "velocities jump at t = {t:.6} s in a mechanism in which bodies without inertia move, of which derivatives are \
-             not known; give them a small mass"
+            "velocities jump at t = {:.6} s in a mechanism in which bodies without inertia move, of which derivatives are \
+             not known; give them a small mass",
+            t.re
         )));
     }
     // rows in the mass metric

@@ -246,7 +246,9 @@ fn cross(
             jump::moved(&mut at, &sides[1].motion(&leg.end)?, &shift, 1.0);
         }
         let there = legs[i + 1].strides.first().map_or(&legs[i + 1].end, |x| &x.from);
-        at.v = jump::thrown(jump, &whole[0], &at, leg.end.t, &there.v)?;
+        // what is prescribed over time moves on until it happens
+        let time = Carried::new(leg.end.t, shift);
+        at.v = jump::thrown(jump, &whole[0], &at, time, &there.v)?;
         at.put_at(there);
     }
     let side = Side { model: &next.model, rates: &plain_after, stride: first };

@@ -152,7 +152,7 @@ impl Recording {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scalar::{Dual, Functions};
+    use crate::scalar::Dual;
 
     /// Every operation once, of three numbers.
     fn mixture<S: Scalar>(x: &[S]) -> Vec<S> {
