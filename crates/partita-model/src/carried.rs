@@ -98,6 +98,10 @@ pub struct StepRecordings {
     pub integrands: Recording,
 }
 
+/// What computes a piece of a step of t, q and v_I.
+type PieceOfStep<'a> =
+    dyn Fn(&Evaluator<Recorder>, Recorder, &[Recorder], &[Recorder]) -> Result<Vec<Recorder>, SystemError> + 'a;
+
 /// Observables over numbers with derivatives.
 pub struct Observers<S: Scalar = Carried> {
     measures: Vec<Measurement<Spatial<S>>>,
@@ -150,6 +154,48 @@ impl Model {
         Ok(Observers { measures: making.measures, all })
     }
 
+    /// A piece of a step, which `of` computes from t, q and v_I, with these parameters as further inputs.
+    fn recorded_piece(
+        &self,
+        k: usize,
+        parameters: &[(String, usize)],
+        of: &PieceOfStep,
+    ) -> Result<Recording, DescriptionError> {
+        let (nq, first) = (self.size().nq, 1 + self.size().nq + k);
+        let inputs = first + parameters.iter().map(|p| p.1).sum::<usize>();
+        let made = Recording::new(inputs, |x| {
+            let mut next = first;
+            let named = |(name, count): &'_ (String, usize)| {
+                next += count;
+                (name.clone(), &x[next - count..next])
+            };
+            let all: Vec<(String, &[Recorder])> = parameters.iter().map(named).collect();
+            let changes: Vec<(&str, &[Recorder])> = all.iter().map(|(name, x)| (name.as_str(), *x)).collect();
+            let e = self.over_with::<Recorder>(&changes)?;
+            of(&e, x[0], &x[1..1 + nq], &x[1 + nq..first]).map_err(|e| {
+                DescriptionError::new("mechanism", &self.spec.name, format!("its equations cannot be recorded: {e}"))
+            })
+        })?;
+        Ok(made.lean())
+    }
+
+    /// q' and v_I' of a choice as a recording of t, q, v_I and the numbers of these parameters.
+    ///
+    /// # Errors
+    /// As [`over_with`](Self::over_with), and for functions that are known in `f64` alone.
+    pub fn rates_recording(
+        &self,
+        choice: Choice,
+        parameters: &[(String, usize)],
+    ) -> Result<Recording, DescriptionError> {
+        let dim = self.size().nq + choice.k();
+        self.recorded_piece(choice.k(), parameters, &|e, t, q, u| {
+            let mut out = vec![Recorder::zero(); dim];
+            self.evaluation(e, choice).rates(t, q, u, &mut out)?;
+            Ok(out)
+        })
+    }
+
     /// The pieces of a step of a choice, of these parameters and what is integrated.
     ///
     /// # Errors
@@ -160,52 +206,24 @@ impl Model {
         parameters: &[(String, usize)],
         integrals: &[Observable],
     ) -> Result<StepRecordings, DescriptionError> {
-        let (size, k) = (self.size(), choice.k());
-        let (nq, first) = (size.nq, 1 + size.nq + k);
-        let inputs = first + parameters.iter().map(|p| p.1).sum::<usize>();
-        type Recorded<'a> =
-            dyn Fn(&Evaluator<Recorder>, Recorder, &[Recorder], &[Recorder]) -> Result<Vec<Recorder>, SystemError> + 'a;
-        let record = |f: &Recorded| {
-            let made = Recording::new(inputs, |x| {
-                let mut next = first;
-                let named = |(name, count): &'_ (String, usize)| {
-                    next += count;
-                    (name.clone(), &x[next - count..next])
-                };
-                let all: Vec<(String, &[Recorder])> = parameters.iter().map(named).collect();
-                let changes: Vec<(&str, &[Recorder])> = all.iter().map(|(name, x)| (name.as_str(), *x)).collect();
-                let e = self.over_with::<Recorder>(&changes)?;
-                f(&e, x[0], &x[1..1 + nq], &x[1 + nq..first]).map_err(|e| {
-                    DescriptionError::new(
-                        "mechanism",
-                        &self.spec.name,
-                        format!("its equations cannot be recorded: {e}"),
-                    )
-                })
-            })?;
-            Ok::<_, DescriptionError>(made.lean())
-        };
+        let (rows, k) = (self.size().rows, choice.k());
         // names are checked before, as errors of a recording are those of its equations
         self.observers(&self.over_with::<Recorder>(&[])?, integrals, "objective")?;
         Ok(StepRecordings {
-            rates: record(&|e, t, q, u| {
-                let mut out = vec![Recorder::zero(); nq + k];
-                self.evaluation(e, choice).rates(t, q, u, &mut out)?;
-                Ok(out)
-            })?,
-            end: record(&|e, t, q, u| {
+            rates: self.rates_recording(choice, parameters)?,
+            end: self.recorded_piece(k, parameters, &|e, t, q, u| {
                 let (mut q, mut x) = (q.to_vec(), self.evaluation(e, choice));
                 e.normalise(&mut q);
                 x.correct(t, &mut q)?;
                 x.velocities(t, &q, u)?;
                 Ok([q, x.v].concat())
             })?,
-            integrands: record(&|e, t, q, u| {
+            integrands: self.recorded_piece(k, parameters, &|e, t, q, u| {
                 let (mut x, mut out) = (self.evaluation(e, choice), vec![Recorder::zero(); integrals.len()]);
                 if integrals.is_empty() {
                     return Ok(out);
                 }
-                let mut lambda = vec![Recorder::zero(); size.rows];
+                let mut lambda = vec![Recorder::zero(); rows];
                 x.levels(t, q, u)?;
                 x.multipliers(t, q, &mut lambda)?;
                 let observers = self

@@ -9,8 +9,9 @@
 //! those of the run. Instants and the start, of which there are few, are differentiated forwards and transposed.
 
 use super::legs::{Instant, Leg, Stride};
+use super::parameters::Parameters;
 use super::retaken::{advanced_plain, Rates, State};
-use super::{cross, start, stepping, Direction, Equations, Reader, SensitivityRequest};
+use super::{cross, start, stepping, Equations, Reader, SensitivityRequest};
 use crate::error::AnalysisError;
 use crate::outputs::Watch;
 use partita_math::dense::{lu, lu_solve_transposed};
@@ -95,63 +96,6 @@ struct Back {
 
 fn add(to: &mut [f64], x: &[f64]) {
     to.iter_mut().zip(x).for_each(|(to, x)| *to += x);
-}
-
-/// Numbers of parameters.
-struct Parameters {
-    /// Names and counts.
-    all: Vec<(String, usize)>,
-    values: Vec<f64>,
-    /// Of each direction the change of each.
-    seeds: Vec<Vec<f64>>,
-}
-
-impl Parameters {
-    fn new(leg: &Leg, directions: &[Direction]) -> Result<Self, AnalysisError> {
-        let named: Vec<Direction> = directions.to_vec();
-        let mut found: Vec<(String, Vec<Carried>)> = Vec::new();
-        // each with its values, whatever their derivatives
-        for chunk in named.chunks(CARRIED) {
-            for one in super::seeded(&leg.model, chunk)? {
-                if !found.iter().any(|x| x.0 == one.0) {
-                    found.push(one);
-                }
-            }
-        }
-        let all: Vec<(String, usize)> = found.iter().map(|(name, x)| (name.clone(), x.len())).collect();
-        let values: Vec<f64> = found.iter().flat_map(|x| x.1.iter().map(|x| x.re)).collect();
-        let offset = |name: &str| -> Option<usize> {
-            let i = all.iter().position(|x| x.0 == name)?;
-            Some(all[..i].iter().map(|x| x.1).sum())
-        };
-        let seed = |direction: &Direction| {
-            let mut seed = vec![0.0; values.len()];
-            for (name, change) in &direction.parameters {
-                if let Some(from) = offset(name) {
-                    add(&mut seed[from..from + change.len()], change);
-                }
-            }
-            seed
-        };
-        let seeds = directions.iter().map(seed).collect();
-        Ok(Self { all, values, seeds })
-    }
-
-    /// The directions of single numbers, as many as are carried together at a time.
-    fn units(&self) -> Vec<Vec<Direction>> {
-        let mut units = Vec::with_capacity(self.values.len());
-        for (name, count) in &self.all {
-            for i in 0..*count {
-                let mut change = vec![0.0; *count];
-                change[i] = 1.0;
-                // what is a number of its own stays, as where a joint is on its child
-                let others = self.all.iter().filter(|x| x.0 != *name).map(|x| (x.0.clone(), vec![0.0; x.1]));
-                let parameters = std::iter::once((name.clone(), change)).chain(others).collect();
-                units.push(Direction { parameters, ..Direction::default() });
-            }
-        }
-        units.chunks(CARRIED).map(<[Direction]>::to_vec).collect()
-    }
 }
 
 /// The derivatives along the directions of what is weighed.

@@ -6,12 +6,15 @@
 mod backward;
 mod jump;
 mod legs;
+mod parameters;
+mod programs;
 mod retaken;
 mod start;
 
 use crate::error::AnalysisError;
 use crate::outputs::Watch;
 use jump::{Shift, Side};
+use parameters::Parameters;
 use partita_math::scalar::Scalar;
 use partita_model::carried::{Carried, CarriedState, Observable, Observers, CARRIED};
 use partita_model::spec::Measure;
@@ -19,6 +22,7 @@ use partita_model::{Evaluator, Model};
 use partita_system::choice::OwnedChoice;
 use partita_system::prelude::*;
 use partita_system::rates::ChosenRates;
+use programs::Programs;
 use retaken::{along, constant, Rates, State};
 use serde::Deserialize;
 
@@ -99,6 +103,10 @@ pub fn forward(
         integrals: vec![(f64::NAN, unknown(d)); asked.integrals.len()],
         shifts: Vec::new(),
     };
+    let programs = legs
+        .iter()
+        .map(|leg| Ok(Programs::new(leg, Parameters::new(leg, &asked.directions)?)))
+        .collect::<Result<Vec<_>, AnalysisError>>()?;
     for first in (0..d.max(1)).step_by(CARRIED) {
         watch()?;
         let directions = &asked.directions[first.min(d)..d.min(first + CARRIED)];
@@ -111,7 +119,7 @@ pub fn forward(
                 }
             }
         };
-        let Carrying { integrals, shifts } = carried(legs, asked, directions, &mut take)?;
+        let Carrying { integrals, shifts } = carried(legs, asked, (directions, &programs, first), &mut take)?;
         for (to, x) in out.integrals.iter_mut().zip(&integrals) {
             to.0 = x.re;
             (0..directions.len()).for_each(|l| to.1[first + l] = x.eps[l]);
@@ -271,7 +279,7 @@ fn cross(
 fn carried(
     legs: &[Leg],
     asked: &SensitivityRequest,
-    directions: &[Direction],
+    (directions, programs, first): (&[Direction], &[Programs], usize),
     take: Take,
 ) -> Result<Carrying, AnalysisError> {
     let mut found = Carrying { integrals: vec![constant(0.0); asked.integrals.len()], shifts: Vec::new() };
@@ -279,7 +287,8 @@ fn carried(
     let mut before: Option<(usize, State)> = None;
     for i in stepping(legs) {
         let leg = &legs[i];
-        let [mut rates, plain] = all[i].rates(leg);
+        let [rates, plain] = all[i].rates(leg);
+        let mut rates = rates.with(&programs[i], first);
         let Some(stride) = leg.strides.first() else { continue };
         let from = match before.take() {
             None => start::started(leg, (&all[i].own[0], &rates), &asked.held, directions)?,

@@ -11,6 +11,7 @@
 //! coordinates are exchanged.
 
 use super::legs::{Instant, Leg, Stride};
+use super::programs::Programs;
 use crate::error::AnalysisError;
 use partita_integrate::scheme::Scheme;
 use partita_math::dense::{lu, lu_solve};
@@ -96,6 +97,8 @@ pub struct Rates<'e> {
     /// Values that the rows keep: what a lock holds is where it began.
     pub kept: Vec<Carried>,
     nq: usize,
+    /// Programs of the rates, and the first of the directions.
+    programs: Option<(&'e Programs, usize)>,
 }
 
 /// `y + h Σ w_j k_j`.
@@ -110,7 +113,13 @@ fn advanced(y: &[Carried], h: f64, weights: &[f64], slopes: &[Vec<Carried>]) -> 
 impl<'e> Rates<'e> {
     /// Of a mechanism with derivatives.
     pub fn new(model: &'e Model, e: &'e Evaluator<Carried>, (nq, holonomic): (usize, usize)) -> Self {
-        Self { model, e, kept: vec![constant(0.0); holonomic], nq }
+        Self { model, e, kept: vec![constant(0.0); holonomic], nq, programs: None }
+    }
+
+    /// With programs of the rates, along the directions from the `first` on.
+    pub fn with(mut self, programs: &'e Programs, first: usize) -> Self {
+        self.programs = Some((programs, first));
+        self
     }
 
     /// The mechanism with derivatives.
@@ -162,9 +171,14 @@ impl<'e> Rates<'e> {
         let end = match (scheme.implicit, stride.across) {
             (false, _) => {
                 let mut slopes = Vec::with_capacity(scheme.c.len());
+                let program = self.programs.filter(|_| gather.is_none());
+                let mut program = program.and_then(|(programs, first)| programs.of(stride, self.nq, first));
                 for (c, row) in scheme.c.iter().zip(&scheme.a) {
                     let stage = advanced(&y, h, row, &slopes);
-                    slopes.push(self.slope(&mut *x, t + c * h, &stage)?);
+                    slopes.push(match &mut program {
+                        Some(program) => program.slope(t + c * h, &stage),
+                        None => self.slope(&mut *x, t + c * h, &stage)?,
+                    });
                     if let Some(gather) = &mut gather {
                         gather(h * scheme.b[slopes.len() - 1], t + c * h, &stage[..self.nq], &mut *x)?;
                     }

@@ -10,6 +10,13 @@
 use super::{Operation, Recorder, Recording};
 use crate::scalar::Scalar;
 
+/// The derivative of a constant power, at least 1.
+fn slope_of_power<S: Scalar>(x: S, exponent: f64) -> S {
+    let linear = exponent == 1.0;
+    let slope = if linear { S::one() } else { x.power(exponent).over_or_zero(x) };
+    slope.scale(exponent)
+}
+
 impl Recording {
     /// The values of all operations.
     fn values<S: Scalar>(&self, inputs: &[S], out: &mut Vec<S>) {
@@ -95,9 +102,7 @@ impl Recording {
                 // where the root is 0 only what does not depend on it is differentiated
                 Operation::Sqrt(x) => add(x, own.over_or_zero(values[i].scale(2.0))),
                 Operation::Power(x, exponent) => {
-                    let linear = exponent == 1.0;
-                    let slope = if linear { S::one() } else { at(x).power(exponent).over_or_zero(at(x)) };
-                    add(x, own * slope.scale(exponent));
+                    add(x, own * slope_of_power(at(x), exponent));
                 }
                 Operation::Sin(x) => add(x, own * at(x).sin_cos().1),
                 Operation::Cos(x) => add(x, -(own * at(x).sin_cos().0)),
@@ -129,6 +134,57 @@ impl Recording {
                 }
                 Operation::Scale(x, factor) => add(x, own.scale(factor)),
             }
+        }
+    }
+
+    /// The derivatives along a direction as a recording. Its inputs are the first `moving` ones of this one and their changes,
+    /// then the others and theirs; its outputs those of this one and their changes.
+    #[must_use]
+    pub fn tangent(&self, moving: usize) -> Self {
+        let (all, others) = (self.inputs, self.inputs - moving);
+        let made = Self::new(2 * all, |x: &[Recorder]| {
+            let (first, rest) = x.split_at(2 * moving);
+            let inputs: Vec<Recorder> = first[..moving].iter().chain(&rest[..others]).copied().collect();
+            let changes: Vec<Recorder> = first[moving..].iter().chain(&rest[others..]).copied().collect();
+            let (mut values, mut along) = (Vec::new(), Vec::with_capacity(self.operations.len()));
+            self.values(&inputs, &mut values);
+            for (i, operation) in self.operations.iter().enumerate() {
+                let change = self.change(*operation, i, (&values, &along), &changes);
+                along.push(change);
+            }
+            let of = |from: &[Recorder]| self.outputs.iter().map(|&slot| from[slot as usize]).collect::<Vec<_>>();
+            Ok::<_, std::convert::Infallible>([of(&values), of(&along)].concat())
+        });
+        match made {
+            Ok(made) => made.lean(),
+            Err(never) => match never {},
+        }
+    }
+
+    /// How the result of operation i changes with its operands.
+    fn change<S: Scalar>(&self, operation: Operation, i: usize, (values, along): (&[S], &[S]), changes: &[S]) -> S {
+        let at = |slot: u32| values[slot as usize];
+        let d = |slot: u32| along[slot as usize];
+        match operation {
+            Operation::Input(k) => changes[k as usize],
+            Operation::Constant(_) | Operation::Round(_) | Operation::Reached(..) => S::zero(),
+            Operation::Add(x, y) => d(x) + d(y),
+            Operation::Sub(x, y) => d(x) - d(y),
+            Operation::Mul(x, y) => d(x) * at(y) + at(x) * d(y),
+            Operation::Div(x, y) => (d(x) - values[i] * d(y)) / at(y),
+            Operation::OverOrZero(x, y) => (d(x) - values[i] * d(y)).over_or_zero(at(y)),
+            Operation::Neg(x) => -d(x),
+            Operation::Sqrt(x) => d(x).over_or_zero(values[i].scale(2.0)),
+            Operation::Power(x, exponent) => d(x) * slope_of_power(at(x), exponent),
+            Operation::Sin(x) => d(x) * at(x).sin_cos().1,
+            Operation::Cos(x) => -(d(x) * at(x).sin_cos().0),
+            Operation::Atan2(y, x) => (at(x) * d(y) - at(y) * d(x)).over_or_zero(at(x) * at(x) + at(y) * at(y)),
+            Operation::Hypot(x, y) => (at(x) * d(x) + at(y) * d(y)).over_or_zero(values[i]),
+            Operation::Abs(x) => (-at(x)).where_positive(-d(x), d(x)),
+            Operation::Max(x, y) => (at(y) - at(x)).where_positive(d(y), d(x)),
+            Operation::Min(x, y) => (at(x) - at(y)).where_positive(d(y), d(x)),
+            Operation::WherePositive(x, y, n) => at(x).where_positive(d(y), d(n)),
+            Operation::Scale(x, factor) => d(x).scale(factor),
         }
     }
 
@@ -172,7 +228,7 @@ mod tests {
     #[test]
     fn gradients_backwards_are_those_of_dual_numbers() {
         let recording = Recording::new(3, |x| Ok::<_, ()>(mixture(x))).unwrap();
-        let program = recording.gradient();
+        let (program, tangent) = (recording.gradient(), recording.tangent(2));
         let mut random = fastrand::Rng::with_seed(4);
         for _ in 0..200 {
             let x: [f64; 3] = std::array::from_fn(|_| 3.0 * random.f64() - 1.5);
@@ -185,6 +241,14 @@ mod tests {
             let (mut work, mut programmed) = (vec![0.0; program.len()], [0.0; 3]);
             program.evaluate(&[&x[..], &weights].concat(), &mut work, &mut programmed);
             for l in 0..3 {
+                let change = |i: usize| if i == l { 1.0 } else { 0.0 };
+                let inputs = [x[0], x[1], change(0), change(1), x[2], change(2)];
+                let (mut work, mut out) = (vec![0.0; tangent.len()], [0.0; 4]);
+                tangent.evaluate(&inputs, &mut work, &mut out);
+                for (i, y) in found.iter().enumerate() {
+                    assert!((out[i] - y.re).abs() <= 1e-12 * (1.0 + y.re.abs()));
+                    assert!((out[2 + i] - y.eps[l]).abs() <= 1e-12 * (1.0 + y.eps[l].abs()));
+                }
                 let right: f64 = found.iter().zip(&weights).map(|(y, w)| w * y.eps[l]).sum();
                 for own in [plain[l], programmed[l]] {
                     assert!((own - right).abs() <= 1e-12 * (1.0 + right.abs()), "{own} is not {right}");
