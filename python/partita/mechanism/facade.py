@@ -156,4 +156,6 @@ class Mechanism(Modelled):
         return save(self, path, options.yes_or_no("strict", strict))
 
 
-explain(Mechanism, "assemble", "assemble_many", "kinematics", "simulate", "stepper", "equilibrium", "cycle", "linearize")
+explain(
+    Mechanism, "assemble", "assemble_many", "kinematics", "simulate", "stepper", "equilibrium", "cycle", "linearize"
+)
