@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from scipy.special import ellipk
 
 import partita as pt
 from partita.errors import ArgumentError, DescriptionError
+from partita.mechanism import monodromy
 
 Array = NDArray[np.float64]
 G = 9.81
@@ -47,7 +49,7 @@ def test_a_driven_oscillator_in_closed_form() -> None:
     assert found.state.velocity("S") == pytest.approx((1j * w * x).real, abs=1e-12)
     decay = np.exp(np.roots([2.0, c, k]) * found.period)
     assert sorted(found.multipliers, key=np.imag) == pytest.approx(sorted(decay, key=np.imag), abs=CLOSE)
-    assert found.stable and found.kind == "driven" and found.error < CLOSE
+    assert found.stable and found.kind == "driven" and found.error < CLOSE and found.method == "exact"
     assert found.words.startswith("stable: largest multiplier 0.6578")
 
 
@@ -132,6 +134,28 @@ def test_a_five_bar_against_another_program(rate: float, angle: float, speed: fl
     else:
         assert found.multipliers[0] == pytest.approx(complex(*pair), abs=CLOSE)
         assert found.stable is True
+
+
+def test_derivatives_of_steps_are_those_of_differences() -> None:
+    m = five_bar()
+    start = five_bar_at(1.15, -0.5)
+
+    def at(x: float) -> dict[str, Any]:
+        return {"motor.velocity": [x]}
+
+    setting = monodromy.Setting(
+        m,
+        lambda x: m.compile().with_parameters(at(x)),
+        at,
+        lambda x: 2.0 * np.pi / x,
+        along=(("motor.velocity", [1.0]),),
+    )
+    variables = monodromy.chart(m.compile(), start)
+    found = monodromy.monodromy(setting, start, variables, 20.0, np.pi / 10.0, by_x=True)
+    other = monodromy.by_differences(setting, found.run, start, variables, 20.0, np.pi / 10.0, by_x=True)
+    assert (found.method, other.method) == ("exact", "differences")
+    assert found.matrix == pytest.approx(other.matrix, abs=CLOSE)
+    assert found.by == pytest.approx(other.by, abs=CLOSE)
 
 
 def test_the_determinant_is_that_of_the_divergence() -> None:
@@ -500,3 +524,17 @@ def test_what_a_family_shows(tmp_path: Path) -> None:
     assert family.missed.size == 0 and len(list(family)) == 2 and family[-1] is family.cycles[1]
     with pytest.raises(ArgumentError, match="none of the values asked for"):
         family.at(3.0)
+
+
+def test_the_example_meets_its_known_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And the picture of docs/cycles.md is the one that it draws."""
+    root = Path(__file__).parents[2]
+    spec = importlib.util.spec_from_file_location("cycles_example", root / "examples" / "cycles.py")
+    assert spec is not None and spec.loader is not None
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    assert example.main(tmp_path) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 5 and max(float(line.split()[-1]) for line in lines) < CLOSE
+    drawn, shown = ((folder / "cycles.svg").read_text("utf-8") for folder in (tmp_path, root / "docs" / "pictures"))
+    assert 0.8 < len(drawn) / len(shown) < 1.25 and len(shown) < 250_000

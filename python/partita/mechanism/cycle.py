@@ -108,8 +108,8 @@ def cycle(
         EvaluationError: a run over the cycle ends early, or the motion has no derivative because it only just reaches
             an event. SingularityError: it begins in a singular position.
 
-    Cost: two short runs for each variable in each iteration, six for the multipliers; a family about three times as
-    many for each position.
+    Cost: that of a run over the cycle with the derivatives of its steps (`Result.sensitivities`) in each iteration,
+    where these do not serve of six runs for each variable; a family about ten such for each position.
 
     >>> import numpy as np
     >>> import partita as pt
