@@ -78,7 +78,7 @@ class Cycle:
         trivial: multipliers that are 1 by nature; their distance from 1 shows how accurate the others are.
         error: estimated error of the entries of `matrix`, in natural sizes.
         method: "exact": derivatives of the steps of the run; "differences" of runs where these do not serve, as for
-            spatial rotations and across impacts.
+            spatial rotations.
         off: largest difference between end and start, in radians, characteristic lengths and the rates of these.
         history: that difference in each iteration of the search.
         by: the derivatives that were asked for, by the names of their parameters.

@@ -1,7 +1,7 @@
 """How the end of a run depends on its start and on parameters: its monodromy matrix in independent coordinates.
 
 All else about periodic motions needs nothing but `Chart` and `monodromy`. The derivatives are those of the steps of the
-run; where these do not serve, as for spatial rotations and impacts, extrapolated central differences of tight runs.
+run; where these do not serve, as for spatial rotations, extrapolated central differences of tight runs.
 """
 
 from __future__ import annotations
@@ -272,12 +272,12 @@ def monodromy(
     """
     base = ran(setting, start, x, duration)
     held = _coordinates(setting.model_at(x), variables)
-    # across impacts differences of runs are what closed forms confirm
-    if held is not None and not len(base.events):
+    if held is not None:
         try:
             return _by_steps(setting, base, start, variables, held, (x, duration), by_x)
         except PartitaError:
-            pass  # differences serve, and say so in `method`
+            if len(base.events):
+                raise
     return by_differences(setting, base, start, variables, x, duration, by_x=by_x, fine=fine)
 
 

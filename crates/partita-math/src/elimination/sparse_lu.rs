@@ -375,7 +375,8 @@ mod tests {
         factors.factor_by_any(&pattern, &order, &weak).unwrap();
         let mut x = [1.0, 1e-5];
         factors.solve(&order, &mut x);
-        assert!((x[0] - 1e-5).abs() < 1e-14 && (x[1] - (1.0 - 1e-10)).abs() < 1e-14, "{x:?}");
+        // numbers grow by one over the weak pivot, and so does their rounding
+        assert!((x[0] - 1e-5).abs() < 1e-10 && (x[1] - (1.0 - 1e-10)).abs() < 1e-14, "{x:?}");
         let order = LuOrder::new(&pattern, &[0.0, 1.0, 1.0, 0.0]).unwrap();
         factors.factor(&pattern, &order, &[0.0, 1.0, 1.0, 0.0]).unwrap();
         let mut x = [3.0, 4.0];
