@@ -181,6 +181,18 @@ wheels: $(PACKING)
 	$(BIN)/python tools/wheels.py $(if $(filter Linux,$(shell uname -s)),--zig)
 	$(BIN)/python tools/install_check.py dist
 
+# torch with all it asks for, beside what is there already.
+TORCH := .venv/.torch
+$(TORCH): $(TOOLS) constraints-torch.txt
+	$(QUIETLY) "Installing torch" "minutes and gigabytes, by network" \
+		$(BIN)/python -m pip install --no-compile --only-binary=:all: --requirement constraints-torch.txt
+	@touch $@
+
+## torch: torch, some gigabytes on Linux, then the tests of gradients in it
+.PHONY: torch
+torch: $(BUILT) $(TORCH)
+	$(BIN)/python -m pytest -q tests/python/test_through.py
+
 ## bench: measured costs against their limits
 bench: $(BUILT)
 	$(BIN)/python benches/run.py

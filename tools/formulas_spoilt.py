@@ -279,8 +279,8 @@ FORMULAS = (
         "drive-acceleration",
         "the bias b of a drive is half of what it should be (S5)",
         f"{MODEL}/coupling/law.rs",
-        "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, memory)?[2])",
-        "Ok(bias(0) - value::motion_at(motion, at.callers, at.t, name, memory)?[2].scale(0.5))",
+        "Self::Motion { motion, .. } => Ok(bias(0) - motion.at(at.callers, at.t, name, memory)?[2]),",
+        "Self::Motion { motion, .. } => Ok(bias(0) - motion.at(at.callers, at.t, name, memory)?[2].scale(0.5)),",
         ("whole motion::model_identities",),
     ),
     Error(

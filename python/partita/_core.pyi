@@ -481,6 +481,19 @@ class SolutionLog:
     def states(self, times: Array) -> tuple[Array, Array, Array]:
         """The same at these times, a row each; NaN where there is none."""
 
+    def derivatives(
+        self, asked: str, times: Array, before: list[bool]
+    ) -> tuple[tuple[Array, Array, Array], tuple[list[list[float]], list[list[float]]]]:
+        """Of what a text asks, a row for each of these times, `before` of some what happens there: values and rates
+        (nt, channels), and derivatives (nt, channels, directions); also values and derivatives of integrals and of
+        when something happens."""
+
+    def gradient(self, asked: str, weights: str, times: Array, before: list[bool]) -> Array:
+        """Derivatives of a weighed sum of what a text asks, one for each direction, backwards."""
+
+    def observed(self, observables: str, times: Array, before: list[bool]) -> tuple[Array, Array]:
+        """Values and rates (nt, channels) of what a text names."""
+
     def span(self) -> tuple[float, float] | None:
         """When the first step kept begins and the last one ends; None where none is."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,7 +119,7 @@ def objective(value: Any) -> Objective:
         return value
     if isinstance(value, str) and value.startswith("t:"):
         return Objective("time", (value[2:],))
-    if isinstance(value, int | float):
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max:
         return Objective("number", (real(value),))
     return Objective("end", (_observed(value),))
 

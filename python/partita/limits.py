@@ -68,6 +68,8 @@ TABLE: Mapping[str, Limit] = {
         Limit("step_bytes", 64 * _MIB, "bytes", "the steps that a run keeps for `run.state(t)`, in memory"),
         # more are a function that oscillates about zero; a state is kept for each
         Limit("events", 100_000, "events", "what a run with `events` reports"),
+        # a thousand revolutions; what takes longer has most likely been given a wrong period
+        Limit("cycle_steps", 1_000_000, "steps", "a run over a cycle that `cycle` looks for"),
         Limit(
             "generated", 10_000_000, "numbers", "what counts in an MJCF file ask for: height fields, keys, user data"
         ),

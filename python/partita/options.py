@@ -397,6 +397,25 @@ def generator(seed: Any) -> np.random.Generator:
         raise ArgumentError(f"seed must be an integer or None, not {shown(seed)}", argument="seed") from error
 
 
+def items(what: str, value: Any, such_as: str) -> list[Any]:
+    """One or several of something, as a list; a text is one."""
+    if not is_list(value):
+        return [value]
+    found = list(value)
+    if any(isinstance(item, np.ndarray) for item in found):
+        raise ArgumentError(f"{what} must be a list such as {such_as}, not {shown(value)}", argument=what)
+    return found
+
+
+def named(what: str, value: Any, such_as: str) -> dict[str, Any]:
+    """What is given by names; None: nothing."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
+        raise ArgumentError(f"{what} must be a dict such as {such_as}, not {shown(value)}", argument=what)
+    return dict(value)
+
+
 def velocities(what: str, given: Iterable[Any], velocity_names: list[str]) -> list[str]:
     """Different names of velocities, checked."""
     if not is_list(given):

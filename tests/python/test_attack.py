@@ -72,6 +72,28 @@ def mechanism() -> pt.Mechanism:
     return m
 
 
+def pendulum() -> pt.Mechanism:
+    m = pt.Mechanism("pendulum")
+    m.add_revolute("A", m.ground, m.add_rod("rod", start=ORIGIN, end=X, mass=1.0), point=ORIGIN)
+    m.add_sensor("angle", "A", "position")
+    return m
+
+
+def shaker() -> pt.Mechanism:
+    """A mass on a spring, shaken."""
+    m = pt.Mechanism("shaker", gravity=None)
+    m.add_prismatic("S", m.ground, m.add_body("mass", mass=1.0, inertia=(1.0, 1.0, 1.0)), axis=X)
+    m.add_torsion_spring("S", stiffness=4.0, damping=0.4)
+    m.add_force("mass", (lambda t, state: np.cos(3.0 * t), 0, 0))
+    return m
+
+
+def cycled(m: pt.Mechanism, given: dict[str, Any]) -> Any:
+    """The multipliers of a cycle whose runs may not take long."""
+    with pt.limits.raised(cycle_steps=5000):
+        return m.cycle(**given).multipliers.real
+
+
 def solid() -> Any:
     return mechanism().add_solid("s", pt.shapes.Sphere(0.1), material="steel")
 
@@ -472,6 +494,17 @@ def asked() -> dict[str, Callable[[], Call]]:
     at = {"q": q, "v": v, "t": 0.0}
     joint, body = run.joint("A"), run.body("crank")
     matrices = {"M": np.eye(2), "C": [[3.0, 4.0]]}
+    swinging, shaken = pendulum(), shaker()
+    ticks = np.linspace(0.0, 1.0, 50)
+    log = {"t": ticks, "A": 0.5 * np.sin(3.0 * ticks), "effort.A": np.cos(3.0 * ticks)}
+    equations = {
+        "inputs": [],
+        "parameters": ["rod.mass"],
+        "outputs": ["rod.position"],
+        "independent": None,
+        "initial": None,
+        "closing_rate": 0.0,
+    }
     calls: dict[str, Call] = {
         "Mechanism": (pt.Mechanism, {"name": "m", "gravity": ORIGIN}),
         "State": (pt.State, {"t": 0.0, "q": [1.0], "v": [1.0], "names": ["a"], "velocity_names": ["a"]}),
@@ -527,6 +560,92 @@ def asked() -> dict[str, Callable[[], Call]]:
         "System.at": (s.at, {"q": [1.0, 0.0], "v": [0.0, 1.0], "t": 0.0}),
         "simulate": (pt.simulate, {"system": s, "q0": [1.0, 0.0], "v0": [0.0, 0.0], "t0": 0.0, **options}),
         "simulate.initial": (pt.simulate, {"system": s, "duration": 0.01, "initial": s.assemble([1.0, 0.0])}),
+        "integral, peak, at_end, start, start_rate": (
+            lambda **given: tuple(
+                swinging.gradient(
+                    pt.integral(given["integral"]) + pt.peak(given["peak"]) + pt.at_end(given["at_end"]),
+                    by=["rod.mass", pt.start(given["start"]), pt.start_rate(given["start_rate"]), pt.end_time],
+                    duration=0.05,
+                    rtol=1e-6,
+                    atol=1e-8,
+                ).by.values()
+            ),
+            {"integral": "A", "peak": "A", "at_end": "A", "start": "A", "start_rate": "A"},
+        ),
+        "lengths": (
+            lambda **given: tuple(np.array(x) for x in pt.lengths(**given).values()),
+            {"mechanism": m, "wanted": {"coupler.length": 0.9}},
+        ),
+        "Mechanism.gradient": (
+            lambda **given: tuple(swinging.gradient(**given).by.values()),
+            {
+                "of": "A",
+                "by": ["rod.mass"],
+                "duration": 0.05,
+                "held": None,
+                "initial": None,
+                "events": None,
+                "parameters": None,
+                "method": "auto",
+                "second": False,
+                "check": False,
+                "rtol": 1e-6,
+                "atol": 1e-8,
+                "options": None,
+            },
+        ),
+        "Result.sensitivities": (
+            lambda **given: (lambda found: tuple(found.position("A").values()))(run.sensitivities(**given)),
+            {"by": ["crank.mass"], "held": ["A"]},
+        ),
+        "Mechanism.cycle": (
+            lambda **given: cycled(shaken, given),
+            {
+                "period": None,
+                "along": None,
+                "initial": None,
+                "periods": 1,
+                "guess": None,
+                "settle": None,
+                "by": None,
+                "parameters": None,
+            },
+        ),
+        "Mechanism.identifiability": (
+            lambda **given: Exact(swinging.identifiability(**given).labels),
+            {
+                "motion": "any",
+                "by": None,
+                "actuators": ["A"],
+                "measured": None,
+                "near": None,
+                "parameters": None,
+            },
+        ),
+        "Mechanism.identify": (
+            lambda **given: Exact(swinging.identify(**given).estimates.values()),
+            {
+                "data": log,
+                "by": None,
+                "actuators": ["A"],
+                "measured": None,
+                "positions": None,
+                "noise": None,
+                "cutoff": None,
+                "near": None,
+                "parameters": None,
+            },
+        ),
+        "Mechanism.identify.column": (
+            lambda **given: Exact(swinging.identify({**log, **given}, actuators=["A"]).estimates.values()),
+            {"t": log["t"], "A": log["A"]},
+        ),
+        "Mechanism.export_casadi": (lambda **given: Exact([swinging.export_casadi(**given)]), equations),
+        "Mechanism.to_jax": (lambda **given: Exact([swinging.to_jax(**given)]), equations),
+        "Mechanism.to_sympy": (
+            lambda **given: Exact([swinging.to_sympy(**given)]),
+            {"symbols": ["rod.mass"], "inputs": [], "initial": None, "simplify": False},
+        ),
         "TangentVelocities": (
             pt.TangentVelocities,
             {"directions": lambda t, q: [[-q[1], q[0]]], "offset": None, "bias": None},
@@ -1012,7 +1131,7 @@ def test_nonsense_on_the_command_line(
 def test_every_public_name_is_attacked() -> None:
     """What is added to the package is added here."""
     covered = " ".join(CALLS)
-    quiet = {"errors", "catalogue", "limits", "partition", "units", "__version__"}
+    quiet = {"errors", "end_time", "catalogue", "limits", "partition", "units", "__version__"}
     missing = [name for name in pt.__all__ if name not in quiet and name not in covered]
     for kind, word in ((pt.Mechanism, "Mechanism"), (pt.System, "System"), (type(loop().compile()), "Model")):
         for name, value in inspect.getmembers(kind, inspect.isfunction):

@@ -64,7 +64,8 @@ def test_every_extra_that_an_error_names_exists_and_is_pinned() -> None:
         )
     assert {"plots", "netcdf", "zarr", "parquet", "progress", "xarray", "pandas", "robots", "mujoco"} <= named
     assert named <= set(extras)
-    pinned = packages((ROOT / "constraints.txt").read_text("utf-8").splitlines())
+    files = ("constraints.txt", "constraints-torch.txt")
+    pinned = packages([line for name in files for line in (ROOT / name).read_text("utf-8").splitlines()])
     for name, wanted in extras.items():
         group = re.fullmatch(r"partita\[([\w,]+)\]", wanted[0])
         assert set(group.group(1).split(",")) <= set(extras) if group else packages(wanted) <= pinned, name

@@ -216,6 +216,7 @@ MEMBERS: dict[str, dict[str, tuple[str, str, tuple[str, ...]]]] = {
                 "preload",
                 "linearize",
                 "gradient",
+                "cycle",
                 "singularities",
                 "workspace",
                 "placement",

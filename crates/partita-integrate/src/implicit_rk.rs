@@ -254,7 +254,7 @@ impl Radau {
         if self.solver.matrix == Matrix::Missing {
             self.linearise_ahead(ode, h);
             if self.solver.matrix == Matrix::Missing {
-                let made = self.solver.linearise(ode, t, (&self.y_old, &self.f_old), &self.sizes);
+                let made = self.solver.linearise(ode, (t, h), (&self.y_old, &self.f_old), &self.sizes);
                 self.count_linearisation(false);
                 made.map_err(|e| Self::at_start(t, e))?;
             }
@@ -276,7 +276,7 @@ impl Radau {
         }
         self.counters.evaluations += 1;
         if ode.rhs(t, &self.moved, &mut self.difference).is_ok() {
-            let _ = self.solver.linearise(ode, t, (&self.moved, &self.difference), &self.sizes);
+            let _ = self.solver.linearise(ode, (t, h), (&self.moved, &self.difference), &self.sizes);
             self.count_linearisation(false);
         }
     }
@@ -412,7 +412,7 @@ impl Radau {
             RhsError::Retry(error) => StepFailure::Interpolation { t, error },
             RhsError::Fatal(error) => StepFailure::Rhs { t, error },
         };
-        let made = self.half.linearise(ode, t, (&self.y_old, &self.f_old), &self.sizes);
+        let made = self.half.linearise(ode, (t, h), (&self.y_old, &self.f_old), &self.sizes);
         self.count_linearisation(true);
         made.map_err(|e| inside((t, e)))?;
         self.half.predict(&self.solver.z, NODES.c.map(|c| 0.5 * c), 0.0);

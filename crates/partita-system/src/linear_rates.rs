@@ -106,6 +106,8 @@ pub struct LinearRates {
     pub sparse: Option<Box<SparseRates>>,
     /// Whether it is formed.
     pub route: Route,
+    /// μ of the first factors of μ − A [1/s], for which pivots are chosen; zero where none is known.
+    pub shift: f64,
     /// Whether the first half of x changes at the rates of the second half alone: `A = [0 1; −M_d⁻¹ K  −M_d⁻¹ D]`.
     pub second_order: bool,
     /// How it was computed.
@@ -129,6 +131,7 @@ impl Default for LinearRates {
             a: Vec::new(),
             sparse: None,
             route: Route::default(),
+            shift: 0.0,
             second_order: false,
             derivatives: Derivatives::Exact,
             evaluations: 0,

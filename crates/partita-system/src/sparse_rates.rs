@@ -15,15 +15,11 @@
 
 use crate::system::Size;
 use partita_math::dense::Complex;
-use partita_math::elimination::{LuFactors, LuOrder, Number, Pattern, Plan};
+use partita_math::elimination::{LuFactors, LuOrder, Number, Pattern, Plan, PlanError};
 use std::sync::Arc;
 
 /// No row, no column.
 const NONE: usize = usize::MAX;
-
-/// Frequency for which pivots are chosen first, over the root of the largest stiffness over the largest mass. Unit: ratio.
-/// Reason: stiff motions and soft ones both count there.
-const FIRST_SHIFT: f64 = 1e-3;
 
 /// What a row of the derivatives is of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,11 +31,25 @@ enum Column {
     Between(usize),
 }
 
+impl Column {
+    /// The column j for n velocities and so many rows.
+    fn of(j: usize, n: usize, rows: usize) -> Self {
+        match j {
+            _ if j < n => Self::Displacement(j),
+            _ if j < 2 * n => Self::Velocity(j - n),
+            _ if j < 3 * n => Self::Acceleration(j - 2 * n),
+            _ if j < 3 * n + rows => Self::Multiplier(j - 3 * n),
+            _ => Self::Between(j - 3 * n - rows),
+        }
+    }
+}
+
 /// What the choice of rows and coordinates determines.
 #[derive(Debug)]
 pub struct SparsePlan {
-    /// Of the derivatives.
+    /// Of the derivatives, and what its columns are of.
     expanded: Pattern,
+    columns: Vec<Column>,
     c: Pattern,
     /// Number of velocities, and of results between.
     n: usize,
@@ -135,6 +145,7 @@ impl SparsePlan {
             rows: rows.to_vec(),
             dependent: dependent.to_vec(),
             independent: independent.to_vec(),
+            columns: (0..expanded.cols).map(|j| Column::of(j, n, all)).collect(),
             expanded,
             c,
             turning,
@@ -179,15 +190,9 @@ impl SparsePlan {
         (0..self.expanded.rows).filter_map(row)
     }
 
-    fn column(&self, j: usize) -> Column {
-        let (n, all) = (self.n, self.c.rows);
-        match j / n.max(1) {
-            0 => Column::Displacement(j),
-            1 => Column::Velocity(j - n),
-            2 => Column::Acceleration(j - 2 * n),
-            _ if j < 3 * n + all => Column::Multiplier(j - 3 * n),
-            _ => Column::Between(j - 3 * n - all),
-        }
+    /// What an entry of the derivatives is along.
+    fn column(&self, e: usize) -> Column {
+        self.columns[self.expanded.col_idx[e]]
     }
 
     /// Each term of the matrix: row, column, factors of 1, μ and μ². Values that are missing are zero.
@@ -202,7 +207,7 @@ impl SparsePlan {
             for e in self.expanded.row(row) {
                 let f = at(&x.expanded, e);
                 // by y and w, which follow from x, β and γ
-                let (j, by_velocity) = match self.column(self.expanded.col_idx[e]) {
+                let (j, by_velocity) = match self.column(e) {
                     Column::Displacement(j) => {
                         put(i, j, [f, 0.0, 0.0]);
                         continue;
@@ -308,17 +313,17 @@ impl SparseRates {
         self.plan.dependent.len()
     }
 
-    /// Multiplications of a factorisation, with pivots chosen once; none where there are no pivots.
-    pub fn multiplications(&mut self) -> Option<usize> {
+    /// Multiplications of a factorisation, with pivots chosen once, for this μ; none where there are no pivots.
+    pub fn multiplications(&mut self, shift: f64) -> Option<usize> {
         if self.order.is_none() {
-            let most = |part: usize| self.parts.iter().fold(0.0, |m: f64, x| m.max(x[part].abs()));
-            let (stiffness, mass) = (most(0), most(2));
-            let shift = FIRST_SHIFT * (stiffness / mass).sqrt();
-            let shift = if shift.is_finite() && shift > 0.0 { shift } else { 1.0 };
-            let values: Vec<f64> = self.parts.iter().map(|x| x[0] + shift * (x[1] + shift * x[2])).collect();
-            self.order = LuOrder::new(&self.plan.pattern, &values).ok().map(Arc::new);
+            self.order = self.order_for(if shift > 0.0 { shift } else { 1.0 }).ok().map(Arc::new);
         }
         self.order.as_ref().map(|order| order.multiplications())
+    }
+
+    fn order_for(&self, mu: f64) -> Result<LuOrder, PlanError> {
+        let values: Vec<f64> = self.parts.iter().map(|x| x[0] + mu * (x[1] + mu * x[2])).collect();
+        LuOrder::new(&self.plan.pattern, &values)
     }
 
     /// Displacements of all coordinates with those of the independent ones, z: `Dᵀ z`.                    (V1)
@@ -357,7 +362,7 @@ impl SparseRates {
             let mut sum = T::default();
             for entry in p.expanded.row(row) {
                 let f = self.values.expanded[entry];
-                let term = match p.column(p.expanded.col_idx[entry]) {
+                let term = match p.column(entry) {
                     Column::Displacement(j) => e[j].scaled(-1.0),
                     Column::Velocity(j) => b[j],
                     Column::Acceleration(j) => b[j].times(mu).plus(c[j]),
@@ -374,7 +379,7 @@ impl SparseRates {
         let p = &*self.plan;
         let (n, r, k) = (p.n, p.rows.len(), p.independent.len());
         // unknown are accelerations, multipliers, dependent changes of velocities, and what lies between
-        let unknown = |j: usize| match p.column(j) {
+        let unknown = |e: usize| match p.column(e) {
             Column::Displacement(_) => NONE,
             Column::Velocity(j) if p.index[j] == NONE => NONE,
             Column::Velocity(j) => n + r + p.index[j],
@@ -390,8 +395,7 @@ impl SparseRates {
             if i >= n + 3 * r {
                 entries.push((equation(i), equation(i), -1.0));
             }
-            let own =
-                p.expanded.row(row).map(|e| (equation(i), unknown(p.expanded.col_idx[e]), self.values.expanded[e]));
+            let own = p.expanded.row(row).map(|e| (equation(i), unknown(e), self.values.expanded[e]));
             entries.extend(own.filter(|e| e.1 != NONE));
         }
         entries.sort_unstable_by_key(|e| (e.0, e.1));
@@ -406,7 +410,7 @@ impl SparseRates {
             p.independent.iter().zip(&zu[k..]).for_each(|(&i, u)| y[i] = *u);
             p.dependent.iter().for_each(|&i| y[i] = 0.0);
             for (row, i) in p.equations() {
-                let given = |e: usize| match p.column(p.expanded.col_idx[e]) {
+                let given = |e: usize| match p.column(e) {
                     Column::Displacement(j) => self.values.expanded[e] * x[j],
                     Column::Velocity(j) => self.values.expanded[e] * y[j],
                     _ => 0.0,
@@ -447,8 +451,9 @@ struct Memory<T> {
 #[derive(Clone, Debug, Default)]
 pub struct ShiftedFactors<T> {
     mu: T,
-    /// Pivots, and the plan to whose matrices they belong.
+    /// Pivots, and the plan to whose matrices they belong; others that may serve as well.
     order: Option<(Arc<LuOrder>, Arc<SparsePlan>)>,
+    other: Option<(Arc<LuOrder>, Arc<SparsePlan>)>,
     factors: LuFactors<T>,
     values: Vec<T>,
     memory: Memory<T>,
@@ -460,6 +465,11 @@ pub struct ShiftedFactors<T> {
 pub struct Unfactored;
 
 impl<T: Number> ShiftedFactors<T> {
+    /// Try the pivots of other factors before new ones are chosen.
+    pub fn try_before<U>(&mut self, other: &ShiftedFactors<U>) {
+        self.other.clone_from(&other.order);
+    }
+
     /// Factor for this μ. While the pivots serve nothing is allocated.
     ///
     /// # Errors
@@ -477,15 +487,17 @@ impl<T: Number> ShiftedFactors<T> {
         if self.order.as_ref().is_none_or(|(_, plan)| !Arc::ptr_eq(plan, &of.plan)) {
             self.order = of.order.clone().map(|order| (order, of.plan.clone()));
         }
-        if let Some((order, _)) = &self.order {
-            if self.factors.factor(&plan.pattern, order, &self.values).is_ok() {
-                return Ok(());
+        for _ in 0..2 {
+            if let Some((order, of_plan)) = &self.order {
+                let is_for = Arc::ptr_eq(of_plan, &of.plan);
+                if is_for && self.factors.factor(&plan.pattern, order, &self.values).is_ok() {
+                    return Ok(());
+                }
             }
+            std::mem::swap(&mut self.order, &mut self.other);
         }
         // pivots for this μ, or for a real one as large
-        let real = mu.size();
-        let values: Vec<f64> = of.parts.iter().map(|x| x[0] + real * (x[1] + real * x[2])).collect();
-        let order = LuOrder::new(&plan.pattern, &values).map_err(|_| Unfactored)?;
+        let order = of.order_for(mu.size()).map_err(|_| Unfactored)?;
         let made = self.factors.factor_by_any(&plan.pattern, &order, &self.values).map_err(|_| Unfactored);
         self.order = Some((Arc::new(order), of.plan.clone()));
         made

@@ -119,8 +119,8 @@ def cycle(
     >>> spring = m.add_torsion_spring("S", stiffness=4.0, damping=0.4)
     >>> push = m.add_force(mass, (lambda t, state: np.cos(3.0 * t), 0, 0))
     >>> c = m.cycle()
-    >>> round(c.period, 9), c.stable, round(abs(c.multipliers[0]), 9)        # 2 pi / 3, exp(-0.2 * 2 pi / 3)
-    (2.094395102, True, 0.657801055)
+    >>> round(c.period, 9), c.stable, round(float(abs(c.multipliers[0])), 9)  # 2 pi / 3, exp(-0.2 * 2 pi / 3)
+    (2.094395102, True, 0.657783769)
     """
     model, _ = layout_of(self, "relative", parameters)
     line = None if along is None else line_of(model, along)
@@ -148,7 +148,7 @@ def cycle(
 
 
 def _whole(settle: Any) -> int:
-    return 0 if settle == 0 and settle is not False else run_options.count(settle, "settle")
+    return 0 if isinstance(settle, int) and settle == 0 and settle is not False else run_options.count(settle, "settle")
 
 
 class _Own:
@@ -198,7 +198,9 @@ def _duration(own: _Own, start: State, period: Any, x: float, count: int) -> tup
             )
         return lambda x: common(repeats(own.model_at(x), start, name, known)), driven
     if period is not None:
-        seconds = run_options.positive("period", run_options.si("period", period, "s"))
+        seconds = run_options.positive("period", period, "s")
+        if seconds * seconds == 0.0:
+            raise ArgumentError(f"period is {seconds:g} s; nothing moves in that time", argument="period")
         still = not _drives(model) and not _depends_on_time(model, start)
         kind = Kind(1, free=True, conservative=False, timed=True) if still else driven
         return lambda _: seconds, kind
@@ -316,11 +318,13 @@ def _repeats(setting: Setting, place: Start, kind: Kind) -> None:
     turned = run.q[-1] - end.q
     whose = [name for name, x in zip(model.names, turned, strict=True) if x]
     advance = f", with {', '.join(whose)} whole turns further on," if whose else ""
+    met = []
     for t, q, v in zip(run.t[1:-1], run.q[1:-1], run.v[1:-1], strict=True):
         try:
             felt = [_felt(model, *at) for at in ((float(t), q, v), (float(t + total), q + turned, v))]
         except PartitaError:
             continue  # a table that ends with the cycle, or elements that hold: seen by the return alone
+        met.append(felt[0][0])
         for (what, of), here, later in zip(LEVELS.items(), *felt, strict=True):
             size = float(np.abs(here).max(initial=0.0))
             i = int(np.argmax(np.abs(later - here))) if len(here) else 0
@@ -332,6 +336,14 @@ def _repeats(setting: Setting, place: Start, kind: Kind) -> None:
                     "give a period with which all of them repeat, and let no spring or table count turns that go on",
                     argument="period",
                 )
+    if kind.free or not met or not _depends_on_time(model, place.state):
+        return
+    if np.ptp(met, axis=0).max(initial=0.0) <= EQUAL_IN_SIX_DIGITS * float(np.abs(met).max(initial=0.0)):
+        raise ArgumentError(
+            f"loads or drives change over time, but nothing changes within {total:.9g} s; give the period with which "
+            "they repeat",
+            argument="period",
+        )
 
 
 LEVELS = {"the acceleration": "velocities", "the closure error": "rows", "the constraint force": "rows"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..analyses.gradient import Gradient
-from ..derivatives import EndTime, Objective, Start, StartRate, objective
+from ..derivatives import Objective, objective
 from ..errors import ArgumentError, DescriptionError, IntegrationError
 from ..limits import raised
 from ..naming import index_of
-from ..options import one_of
+from ..numeric import is_list, shown
+from ..options import items, named, one_of, yes_or_no
 from ..results import Result
 from ..results.sensitivities import (
     Held,
@@ -35,6 +37,10 @@ from .through import ATOL_OF_DERIVATIVES, RTOL_OF_DERIVATIVES
 
 Array = NDArray[np.float64]
 METHODS = ("auto", "forward", "adjoint")
+OPTIONS = frozenset(inspect.signature(simulate).parameters) - {
+    "self", "duration", "initial", "events", "parameters", "rtol", "atol"
+}  # fmt: skip
+"""What `options` of a gradient may contain."""
 FEW = 16
 """Numbers up to which derivatives are carried forwards. Unit: number. Reason: two passes with eight each cost about as
 much as the recordings of one backwards."""
@@ -104,20 +110,26 @@ def gradient(
     >>> rod = m.add_rod("rod", start=(0, 0, 0), end=(1, 0, 0), mass=1.0)
     >>> hinge = m.add_revolute("A", m.ground, rod, point=(0, 0, 0))
     >>> g = m.gradient("A", by=["rod.mass", pt.start("A"), pt.end_time], duration=1.0, check=True)
-    >>> bool(g.by[pt.end_time] == g.run.v[-1, 0]), bool(g.agrees < 1e-6)
+    >>> bool(g.by[pt.end_time] == g.run.v[-1, 0]), g.agrees is not None and g.agrees < 1e-6
     (True, True)
     """
     chosen = one_of("method", method, METHODS)
-    case = _Case(
-        self, objective(of), duration, initial, tuple(events or ()), dict(parameters or {}), rtol, atol, options
-    )
+    wants_second, wants_check = yes_or_no("second", second), yes_or_no("check", check)
+    changed = named("parameters", parameters, '{"crank.mass": 1.0}')
+    further = named("options", options, '{"method": "radau"}')
+    if unknown := sorted(set(further) - OPTIONS):
+        raise ArgumentError(f"options names {unknown[0]!r}; there are {', '.join(sorted(OPTIONS))}", argument="options")
+    if events is not None and (isinstance(events, Mapping) or not is_list(events)):
+        raise ArgumentError(f"events must be a list of pt.Event, not {shown(events)}", argument="events")
+    followed = () if events is None else tuple(events)
+    case = _Case(self, objective(of), duration, initial, followed, changed, rtol, atol, further)
     run = case.run({}, case.initial)
-    given = [by] if isinstance(by, str | Start | StartRate | EndTime) else list(by)
+    given = items("by", by, '["crank.mass"]')
     coordinates = held_of(run, held)
     numbers = numbers_of(given, run, coordinates)
     found = case.derived(run, numbers, coordinates, chosen)
-    agrees = case.checked(run, numbers, coordinates, found[1]) if check else None
-    hessian, error = case.second(run, numbers, coordinates, chosen) if second else (None, None)
+    agrees = case.checked(run, numbers, coordinates, found[1]) if wants_check else None
+    hessian, error = case.second(run, numbers, coordinates, chosen) if wants_second else (None, None)
     return Gradient(
         value=found[0],
         by=_split(numbers, found[1]),
@@ -153,7 +165,7 @@ class _Case:
     parameters: Mapping[str, ArrayLike]
     rtol: float
     atol: float
-    options: Mapping[str, Any] | None
+    options: Mapping[str, Any]
 
     def run(self, changes: Mapping[str, ArrayLike], initial: State | None, duration: float | None = None) -> Result:
         """The run with changed numbers."""
@@ -167,7 +179,7 @@ class _Case:
                 parameters={**self.parameters, **changes} or None,
                 rtol=self.rtol,
                 atol=self.atol,
-                **dict(self.options or {}),
+                **self.options,
             )
         if not run.success:
             raise IntegrationError(f"the run of the gradient ended early: {run.message}")

@@ -17,7 +17,7 @@ from ..analyses.identification import (
 from ..errors import ArgumentError, AssemblyError, DescriptionError, SingularityError
 from ..naming import listed
 from ..numeric import shown
-from ..options import si
+from ..options import positive, si
 from ..state import State
 from ..tolerance import EQUAL
 from ..units import Quantity
@@ -189,7 +189,7 @@ def identify(
     if not channels:
         raise no_measurements()
     given = np.column_stack([columns[channel.name] for channel in channels])
-    limit = None if cutoff is None else float(si("cutoff", cutoff, "1/s"))
+    limit = None if cutoff is None else positive("cutoff", cutoff, "1/s")
     low_pass = None if limit is None else filter_of(times_of(columns), limit)
     path = study.motion(columns, positions, low_pass)
     return _Fit(study, channels, given, _noise(noise, channels), low_pass, path).found()

@@ -261,7 +261,7 @@ def filter_of(t: Array | None, cutoff: float) -> Filter:
     """A filter for this cut-off [Hz]."""
     from scipy.signal import butter
 
-    if t is None or len(t) < 2 or np.ptp(np.diff(t)) > UNEVEN * np.mean(np.diff(t)):
+    if t is None or len(t) < 2 or not np.ptp(np.diff(t)) <= UNEVEN * np.mean(np.diff(t)) or t[0] == t[1]:
         raise ArgumentError(
             "cutoff: a filter needs times at even steps; resample the data, or leave cutoff out", argument="cutoff"
         )
@@ -272,8 +272,8 @@ def filter_of(t: Array | None, cutoff: float) -> Filter:
             f"cutoff is {cutoff:g} Hz; the data, sampled at {1.0 / step:.6g} Hz, have nothing above {highest:.6g} Hz",
             argument="cutoff",
         )
-    every = max(1, int(FULL_BAND / (2.0 * cutoff * step)))
-    settled = int(np.ceil(SETTLING / (cutoff * step)))
+    # samples that are left out at each end, and of which one is kept; floats, for they may be larger than any integer
+    settled, every = np.ceil(SETTLING / (cutoff * step)), max(1.0, FULL_BAND / (2.0 * cutoff * step) // 1.0)
     if len(t) <= 2 * settled + 2 * every:
         raise ArgumentError(
             f"cutoff is {cutoff:g} Hz, and the data last {t[-1] - t[0]:.3g} s: nothing is left after the filter has "
@@ -281,10 +281,10 @@ def filter_of(t: Array | None, cutoff: float) -> Filter:
             argument="cutoff",
         )
     sections = np.asarray(butter(FILTER_ORDER, 2.0 * cutoff * step, output="sos"))
-    impulse = np.zeros(2 * settled + 1)
-    impulse[settled] = 1.0
-    gain = float(np.linalg.norm(Filter(sections, every, settled, 1.0).smooth(impulse)))
-    return Filter(sections, every, settled, gain)
+    impulse = np.zeros(2 * int(settled) + 1)
+    impulse[int(settled)] = 1.0
+    gain = float(np.linalg.norm(Filter(sections, int(every), int(settled), 1.0).smooth(impulse)))
+    return Filter(sections, int(every), int(settled), gain)
 
 
 def differentiated(t: Array, position: Array) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..builder.compiled import CompiledModel
 from ..builder.records import DriveRecord
 from ..errors import EvaluationError, PartitaError, SingularityError
+from ..limits import advice, limit
 from ..naming import joint_units
 from ..results import Result
 from ..results.sensitivities import Held, Number, derivatives
@@ -223,7 +224,15 @@ def ran(setting: Setting, start: State, x: float, duration: float, rtol: float =
         rtol=rtol,
         atol=atol,
         parameters=setting.parameters_at(x) or None,
+        max_steps=limit("cycle_steps"),
     )
+    if run.status == "max-steps":
+        raise EvaluationError(
+            f"a run over the cycle, {duration:g} s, comes in {run.counters['steps']} steps to t = {run.t[-1]:g} s only: "
+            f"is that its period? If it is, {advice('cycle_steps', 10 * limit('cycle_steps'))}",
+            t=float(run.t[-1]),
+            where="cycle",
+        )
     if not run.success:
         raise EvaluationError(
             f"a run over the cycle ends early, at t = {run.t[-1]:g} s: {run.message}; begin nearer to the cycle with "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -203,7 +204,7 @@ def to_sympy(
 
 
 def _rate(value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < np.inf:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= sys.float_info.max:
         raise ArgumentError(f"closing_rate must be a number from 0 up, not {shown(value)}", argument="closing_rate")
     return float(value)
 

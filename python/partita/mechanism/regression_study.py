@@ -136,11 +136,14 @@ class RegressionStudy:
         known = courses_of(columns, self.model)
         chosen, notes = self._chosen(known, positions), []
         t = times_of(columns)
+        if t is not None:
+            _finite("times", t)
         levels: list[list[Array]] = [[], [], []]
         computed = []
         for course in chosen:
             position, rate, acceleration = course.levels
             assert position is not None
+            _finite(f"positions of {course.name}", position)
             if low_pass is not None:
                 position = low_pass.smooth(position)
             if rate is None or acceleration is None:
@@ -169,12 +172,7 @@ class RegressionStudy:
             notes.append(f"positions of {', '.join(others)} are not used: those of the others determine the motion")
         arrays = [np.column_stack(own) for own in levels]
         for word, array in zip(("positions", "rates", "accelerations"), arrays, strict=True):
-            if not np.isfinite(array).all():
-                i = int(np.argmax(~np.isfinite(array).all(axis=1)))
-                raise ArgumentError(
-                    f"data: {word} have a value that is not finite at sample {i}; leave such samples out",
-                    argument="data",
-                )
+            _finite(word, array)
         count = len(arrays[0])
         return MeasuredMotion(
             np.zeros(count) if t is None else t,
@@ -456,6 +454,16 @@ SPLINE_ENDS = 10
 """Samples at each end of a spline that are left out: its error there falls to a half or less with each."""
 _SPLINE_POINTS = 2 * SPLINE_ENDS + 6
 """Times that a spline of degree five needs, without its ends."""
+
+
+def _finite(what: str, values: Array) -> None:
+    """Refuse a column, or columns, with a value that is not finite."""
+    bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    if bad.any():
+        raise ArgumentError(
+            f"data: {what} have a value that is not finite at sample {int(np.argmax(bad))}; leave such samples out",
+            argument="data",
+        )
 
 
 def _distinct(channels: Sequence[Channel]) -> list[Channel]:

@@ -14,6 +14,7 @@ from ..derivatives import EndTime, Start, StartRate, objective
 from ..errors import ArgumentError
 from ..naming import index_of
 from ..numeric import shown
+from ..options import items, named, positive
 from ..sensing import SensorRecord
 
 Array = NDArray[np.float64]
@@ -125,7 +126,12 @@ def lengths(mechanism: Any, wanted: Mapping[str, float]) -> dict[str, list[float
     >>> sorted(pt.lengths(m, {"coupler.length": 0.9}))
     ['C.child_point', 'C.point']
     """
-    return grown(mechanism.compile().description, wanted)
+    if (compiled := getattr(mechanism, "compile", None)) is None or not callable(compiled):
+        raise ArgumentError(f"mechanism must be a Mechanism, not {shown(mechanism)}", argument="mechanism")
+    given = named("wanted", wanted, '{"coupler.length": 0.9}')
+    return grown(
+        compiled().description, {name: positive(f'wanted["{name}"]', length, "m") for name, length in given.items()}
+    )
 
 
 def number_of(
@@ -198,7 +204,7 @@ def held_of(run: Any, held: Iterable[Any] | None) -> list[Held]:
             for i, measure in enumerate(measures)
         ]
 
-    def named(given: Any) -> list[Held]:
+    def held_by(given: Any) -> list[Held]:
         name = str(getattr(given, "name", given))
         if name in joints:
             return of_joint(name)
@@ -211,9 +217,9 @@ def held_of(run: Any, held: Iterable[Any] | None) -> list[Held]:
     first = run._record.partitions[0] if run._record.partitions else {"independent": []}
     independent = [int(i) for i in first["independent"]]
     if held is not None:
-        return [one for given in ([held] if isinstance(held, str) else held) for one in named(given)]
+        return [one for given in items("held", held, '["A"]') for one in held_by(given)]
     try:
-        assembled = [one for given in run._held for one in named(given)]
+        assembled = [one for given in run._held for one in held_by(given)]
     except ArgumentError:  # a target that is no joint
         assembled = []
     if assembled and len(assembled) == len(independent):
@@ -345,7 +351,7 @@ class Sensitivities:
         self.t = run.t
         self._run = run
         self._held = held_of(run, held)
-        given = [by] if isinstance(by, str) or not isinstance(by, Iterable) else list(by)
+        given = items("by", by, '["crank.mass"]')
         self._numbers = numbers_of(given, run, self._held)
         self._observing = Observing(run)
         self._known: dict[str, Array] = {}

@@ -37,6 +37,11 @@ fn complex_over(h: f64) -> Complex {
 }
 
 impl NewtonMatrix {
+    /// μ of the real system for steps of length h.
+    pub(super) fn shift(h: f64) -> f64 {
+        REAL / h
+    }
+
     /// Whether the factors are those of steps of length h.
     pub(super) fn is_for(&self, h: f64) -> bool {
         self.h == h
@@ -54,10 +59,11 @@ impl NewtonMatrix {
     pub(super) fn factor(&mut self, linear: &LinearRates, h: f64) -> Result<(), Singular> {
         self.h = 0.0;
         let (count, a) = (linear.count, &linear.a);
-        let (real, pair) = (REAL / h, complex_over(h));
+        let (real, pair) = (Self::shift(h), complex_over(h));
         if let Some(sparse) = linear.unformed() {
             let singular = |_| Singular { index: 0, pivot: 0.0 };
             self.sparse_real.factor(sparse, real).map_err(singular)?;
+            self.sparse_complex.try_before(&self.sparse_real);
             self.sparse_complex.factor(sparse, pair).map_err(singular)?;
             self.h = h;
             return Ok(());
@@ -101,7 +107,7 @@ impl NewtonMatrix {
         if !linear.second_order {
             return lu_solve(&self.real, n, &self.real_order, x);
         }
-        let (mu, count) = (REAL / self.h, linear.count);
+        let (mu, count) = (Self::shift(self.h), linear.count);
         let (z, u) = x.split_at_mut(n);
         for i in 0..n {
             let damped: f64 = (0..n).map(|j| linear.a[(n + i) * count + n + j] * z[j]).sum();

@@ -102,16 +102,17 @@ impl StageSolver {
         }
     }
 
-    /// The rates changed to first order at (t, y), where they are dy.
+    /// The rates changed to first order at (t, y), where they are dy, for steps of length h.
     pub(super) fn linearise<E: Display>(
         &mut self,
         ode: &mut dyn Ode<Error = E>,
-        t: f64,
+        (t, h): (f64, f64),
         at: (&[f64], &[f64]),
         sizes: &[f64],
     ) -> Result<(), RhsError<E>> {
         self.matrix = Matrix::Missing;
         self.factors.forget();
+        self.linear.shift = NewtonMatrix::shift(h);
         ode.linear_rates(t, at, sizes, &mut self.linear)?;
         (self.matrix, self.gain) = (Matrix::OfThisStep, 1.0);
         self.x.resize(S * self.linear.width(), 0.0);

@@ -12,9 +12,15 @@ use super::choice;
 use super::{Pattern, PivotShrunk, PlanError, PlanOptions};
 use crate::dense::Complex;
 
-/// Least pivot in what is left of its row, both scaled, with which an order still serves. Unit: ratio. Reason: three digits of
-/// growth leave those that Newton's method needs.
-const SERVING_PIVOT: f64 = 1e-3;
+/// Least pivot in what is left of its row, both scaled, with which an order is tried at all. Unit: ratio. Reason: half of the
+/// digits, and what they are worth is measured.
+const TRIED_PIVOT: f64 = 1e-8;
+/// Error of the equations of a known solution with which an order still serves. Scale: the largest unknown, all scaled. Reason:
+/// an iteration of Newton's method gains at most three digits, for which matrices of so many are as good as exact ones.
+const SERVING_ERROR: f64 = 1e-7;
+/// By which part of 1 each unknown of that solution is larger than the one before, without the whole part. Unit: ratio. Reason:
+/// the golden section repeats nothing that matrices repeat.
+const UNEVEN_STEP: f64 = 0.618_033_988_749_894_9;
 
 /// Numbers of a matrix: real or complex ones.
 pub trait Number: Copy + Default {
@@ -215,15 +221,50 @@ pub struct LuFactors<T> {
     row_scale: Vec<f64>,
     col_scale: Vec<f64>,
     work: Vec<T>,
+    known: Vec<T>,
+    found: Vec<T>,
 }
 
 impl<T: Number> LuFactors<T> {
     /// Factor the matrix with these values in its pattern. After the first time with an order nothing is allocated.
     ///
     /// # Errors
-    /// A pivot that is small in its row, or not finite: then another order is needed.
+    /// Pivots that are small, so that a known solution is not found again, or not finite: then another order is needed.
     pub fn factor(&mut self, pattern: &Pattern, order: &LuOrder, values: &[T]) -> Result<(), PivotShrunk> {
-        self.factor_with(SERVING_PIVOT, pattern, order, values)
+        self.factor_with(TRIED_PIVOT, pattern, order, values)?;
+        let error = self.error(pattern, order, values);
+        if error <= SERVING_ERROR {
+            Ok(())
+        } else {
+            Err(PivotShrunk { step: order.rows.len(), pivot: SERVING_ERROR, reference: error })
+        }
+    }
+
+    /// The largest error, in scaled equations, of what the factors find for a right side with a known solution of order 1.
+    fn error(&mut self, pattern: &Pattern, order: &LuOrder, values: &[T]) -> f64 {
+        let (mut known, mut found) = (std::mem::take(&mut self.known), std::mem::take(&mut self.found));
+        known.clear();
+        known.extend(self.col_scale.iter().enumerate().map(|(j, s)| {
+            let uneven = (j as f64 * UNEVEN_STEP).fract();
+            T::real((0.5 + uneven) * s)
+        }));
+        found.clear();
+        found.resize(known.len(), T::default());
+        let product = |i: usize, x: &[T]| {
+            pattern.row(i).fold(T::default(), |sum, e| sum.plus(values[e].times(x[pattern.col_idx[e]])))
+        };
+        (0..known.len()).for_each(|i| found[i] = product(i, &known));
+        self.solve(order, &mut found);
+        let mut largest = 1.0f64;
+        for ((x, known), scale) in found.iter_mut().zip(&known).zip(&self.col_scale) {
+            largest = largest.max(x.size() / scale);
+            *x = x.less(T::real(1.0), *known);
+        }
+        let error = |i: usize| product(i, &found).size() * self.row_scale[i];
+        // a NaN is no small error
+        let worst = (0..known.len()).map(error).fold(0.0, |m: f64, x| if x <= m { m } else { x });
+        (self.known, self.found) = (known, found);
+        worst / largest
     }
 
     /// The same by any pivots that are not zero, for an order that was chosen for a matrix as large.
@@ -370,13 +411,31 @@ mod tests {
         let mut factors = LuFactors::default();
         assert!(factors.factor(&pattern, &order, &[0.0, 1.0, 1.0, 0.0]).is_err());
         assert!(factors.factor(&pattern, &order, &[f64::NAN, 1.0, 1.0, 0.0]).is_err());
-        let weak = [1e-5, 1.0, 1.0, 0.0];
+        let weak = [1e-12, 1.0, 1.0, 0.0];
         assert!(factors.factor(&pattern, &order, &weak).is_err());
-        factors.factor_by_any(&pattern, &order, &weak).unwrap();
-        let mut x = [1.0, 1e-5];
-        factors.solve(&order, &mut x);
-        // numbers grow by one over the weak pivot, and so does their rounding
-        assert!((x[0] - 1e-5).abs() < 1e-10 && (x[1] - (1.0 - 1e-10)).abs() < 1e-14, "{x:?}");
+        let weak = [1e-5, 1.0, 1.0, 0.0];
+        for any in [false, true] {
+            let f = if any { LuFactors::factor_by_any } else { LuFactors::factor };
+            f(&mut factors, &pattern, &order, &weak).unwrap();
+            let mut x = [1.0, 1e-5];
+            factors.solve(&order, &mut x);
+            // numbers grow by one over the weak pivot, and so does their rounding
+            assert!((x[0] - 1e-5).abs() < 1e-10 && (x[1] - (1.0 - 1e-10)).abs() < 1e-14, "{x:?}");
+        }
+        // two weak pivots, each of which would do
+        let four = Pattern::dense(4, 4);
+        let tried = |w: f64| [w, 1.0, 0.3, 0.2, 1.0, 0.1, 0.7, 0.4, 0.3, 0.6, w, 1.0, 0.2, 0.5, 1.0, 0.1];
+        let strong = [1.0, 0.1, 0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.1, 0.0, 0.0, 0.1, 1.0];
+        let order_of_four = LuOrder::new(&four, &strong).unwrap();
+        for weak in [1e-3, 1e-5, 1e-7] {
+            let served = factors.factor(&four, &order_of_four, &tried(weak)).is_ok();
+            let mut x = [1.0; 4];
+            if served {
+                factors.solve(&order_of_four, &mut x);
+                product(&four, &tried(weak), &x).iter().for_each(|y| assert!((y - 1.0).abs() < 1e-6, "{weak} {y}"));
+            }
+            assert!(served || weak < 1e-3, "{weak}");
+        }
         let order = LuOrder::new(&pattern, &[0.0, 1.0, 1.0, 0.0]).unwrap();
         factors.factor(&pattern, &order, &[0.0, 1.0, 1.0, 0.0]).unwrap();
         let mut x = [3.0, 4.0];

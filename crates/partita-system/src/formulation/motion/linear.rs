@@ -107,7 +107,7 @@ impl<'s, S: ConstrainedSystem + 's, T: Tangent<'s, S>, P: Positions<'s, S, T>> M
         differentiate(r, (t, &y[..p]), out)?;
         let Some(sparse) = &mut out.sparse else { return Ok(false) };
         if counted && !known {
-            let cost = sparse.multiplications().map(|m| cost_of_sparse(system.expansion_cost(), m));
+            let cost = sparse.multiplications(out.shift).map(|m| cost_of_sparse(system.expansion_cost(), m));
             sparse.costs_more = cost.is_none_or(|cost| cost >= cost_of_matrix(n, k));
         }
         Ok(!(counted && sparse.costs_more))
