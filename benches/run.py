@@ -2,12 +2,11 @@
 freedom and the public face.
 
 Run it with `make bench`, best on a machine that does nothing else; `python benches/run.py FOLDER SECTION ...` runs some
-sections only (runs, outputs, building, dof, evaluations, face, gradients, peers, poses, ensembles, instant, loads,
-playground, stiff, sweeps, ticks). Tables are
-printed, and the same numbers are written to out/bench.json. Times of the bare runs are those of one call of the core,
-which reads no Python and gives one output, at the end: rank of the constraints, choice of coordinates, every step with
-its closing. The exit code is 1 if an answer is missed; a time above its aim is marked but is no failure, since machines
-differ.
+sections only (runs, outputs, building, chains, dof, evaluations, face, gradients, peers, poses, ensembles, instant,
+loads, playground, stiff, sweeps, ticks). Tables are printed, and the same numbers are written to out/bench.json. Times
+of the bare runs are those of one call of the core, which reads no Python and gives one output, at the end: rank of the
+constraints, choice of coordinates, every step with its closing. The exit code is 1 if an answer is missed; a time above
+its aim is marked but is no failure, since machines differ.
 """
 
 from __future__ import annotations

@@ -33,6 +33,10 @@ from rivals import LINKAGES, compared
 from rivals import OUTPUTS as PEER_OUTPUTS
 from stiff import AIMS as STIFF_AIMS
 from stiff import measured
+from stiff_chains import AIM as CHAINS_AIM
+from stiff_chains import SHAPES as CHAINS
+from stiff_chains import SIZES as CHAIN_SIZES
+from stiff_chains import cost as chain_cost
 from stiff_problems import PROBLEMS as STIFF
 from sweeps import AIM as SWEEPS_AIM
 from sweeps import MEMBERS, sweep_costs
@@ -370,6 +374,22 @@ def stiff(folder: Path) -> dict[str, Any]:
     return found
 
 
+def chains(_: Path) -> dict[str, Any]:
+    """Implicit steps of stiff mechanisms of many loops."""
+    print("\nStiff mechanisms of many loops: implicit steps, for each loop or link; the start of a run apart")
+    found: dict[str, Any] = {}
+    for shape, make in CHAINS.items():
+        for coordinates in ("relative", "absolute"):
+            costs = {size: chain_cost(make(size), coordinates) for size in CHAIN_SIZES}
+            each = {size: cost.per_step() / size for size, cost in costs.items()}
+            growth = each[CHAIN_SIZES[-1]] / each[CHAIN_SIZES[-2]]
+            cells = ", ".join(f"{size}: {text(x)}" for size, x in each.items())
+            print(f"  {shape:<7}{coordinates:<10}{cells}; the last over the one before {against(growth, CHAINS_AIM)}")
+            sys.stdout.flush()
+            found[f"{shape}, {coordinates}"] = {str(size): asdict(cost) for size, cost in costs.items()}
+    return found
+
+
 def clean(tried: dict[str, Any]) -> dict[str, Any]:
     """NaN is null in JSON."""
     return {key: None if isinstance(x, float) and not math.isfinite(x) else x for key, x in tried.items()}
@@ -391,4 +411,5 @@ SECTIONS = {
     "ticks": ticks,
     "sweeps": sweeps,
     "stiff": stiff,
+    "chains": chains,
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,6 +76,34 @@ def test_gradients_in_torch() -> None:
     assert_allclose([t.grad.item() for t in x.values()], [BY[k][0] for k in NUMBERS], rtol=1e-8)
 
 
+def example(name: str) -> Any:
+    """An example as a module."""
+    path = Path(__file__).parents[2] / "examples" / f"{name}.py"
+    found = importlib.util.spec_from_file_location(f"{name}_example", path)
+    assert found is not None and found.loader is not None
+    made = importlib.util.module_from_spec(found)
+    sys.modules[found.name] = made
+    found.loader.exec_module(made)
+    return made
+
+
+def test_a_policy_is_learned_in_torch() -> None:
+    """The example: the way back goes through all runs that follow each other."""
+    torch = module("torch")
+    policy = example("torch_policy")
+    m, network = policy.linkage(), policy.network()
+    policy.missed(m, network, 0.8).backward()
+    weight, step = network[0].weight, 1e-4
+    ends = []
+    for move in (step, -2.0 * step):
+        with torch.no_grad():  # type: ignore[attr-defined]
+            weight[3, 1] += move
+        ends.append(policy.missed(m, network, 0.8).item())
+    assert_allclose(weight.grad[3, 1].item(), (ends[0] - ends[1]) / (2.0 * step), rtol=1e-4)
+    left = policy.learned(m, network, 12)
+    assert left[-1] < 0.2 * left[0]
+
+
 def test_gradients_in_jax() -> None:
     jax = module("jax")
     import partita.jax
@@ -93,10 +122,4 @@ def test_gradients_in_jax() -> None:
 
 def test_four_designs_come_out_as_known() -> None:
     """The example: a coupler curve, a valve train, the toe of a wheel, a swing-up."""
-    path = Path(__file__).parents[2] / "examples" / "synthesis.py"
-    found = importlib.util.spec_from_file_location("synthesis_example", path)
-    assert found is not None and found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    sys.modules[found.name] = module
-    found.loader.exec_module(module)
-    assert module.main() == 0
+    assert example("synthesis").main() == 0

@@ -49,6 +49,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "c",
         "casadi",
         "jax",
+        "torch",
         "sympy",
         "pictures",
         "playground",

@@ -228,8 +228,8 @@ def ran(setting: Setting, start: State, x: float, duration: float, rtol: float =
     )
     if run.status == "max-steps":
         raise EvaluationError(
-            f"a run over the cycle, {duration:g} s, comes in {run.counters['steps']} steps to t = {run.t[-1]:g} s only: "
-            f"is that its period? If it is, {advice('cycle_steps', 10 * limit('cycle_steps'))}",
+            f"a run over the cycle, {duration:g} s, comes in {run.counters['steps']} steps to t = {run.t[-1]:g} s "
+            f"only: is that its period? If it is, {advice('cycle_steps', 10 * limit('cycle_steps'))}",
             t=float(run.t[-1]),
             where="cycle",
         )

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..builder.compiled import CompiledModel
 from ..derivatives import Start, StartRate, objective
 from ..errors import ArgumentError, IntegrationError
 from ..limits import raised
 from ..results import Result
 from ..results.sensitivities import Held, Number, Observing, backward, grown, held_of, numbers_of, observed
 from ..state import State
+from .goals import asked, units_of
 from .models import Modelled, compile
 from .solve import assemble, simulate
 
@@ -23,6 +25,12 @@ RTOL_OF_DERIVATIVES = 1e-10
 """Relative tolerance of a run that is differentiated. Scale: as of `RTOL`. Reason: derivatives lose a digit or two."""
 ATOL_OF_DERIVATIVES = 1e-12
 """Absolute tolerance of a run that is differentiated. Scale: as of `ATOL`. Reason: a hundredth of the relative one."""
+
+
+def _with_unit(name: str, position: float, model: CompiledModel) -> Any:
+    """The position of a joint as a target."""
+    goals = next(goals for _, goals, _ in asked("targets", {name: position}, model))
+    return f"{position!r} rad" if units_of(goals, model)[0] == "rad" else position
 
 
 @dataclass
@@ -82,7 +90,9 @@ class Through:
         changes = grown(model.description, sizes) | changes if sizes else changes
         start = self.initial
         if starts or rates or start is not None:
-            targets, speeds = dict(starts), dict(rates)
+            # with their unit: what was computed has not been meant in degrees
+            targets: dict[str, Any] = {name: _with_unit(name, x, model) for name, x in starts.items()}
+            speeds: dict[str, Any] = dict(rates)
             for name in self.held or (start.held if start is not None else ()):
                 if start is not None:
                     targets.setdefault(name, start.position(name))

@@ -116,11 +116,13 @@ def program(model: CompiledModel, state: State, drives: list[dict[str, Any]], fu
     normal = plane_of(model.summary, drawn)
     massless = {body["name"] for body in drawn["bodies"] if body["mass"] == 0.0}
     names = [name for name, _ in known]
+    prescribed = {f"{drive['name']}.{drive['level']}" for drive in drives}  # the page has these among its drives
     chosen = [
         (name, values)
         for name, values in known
         if len(values) <= MOST_NUMBERS
         and names.count(name) == 1
+        and name not in prescribed
         and not (name.rpartition(".")[0] in massless and name.rpartition(".")[2] in ("mass", "com", "inertia"))
     ]
     module, reported = model.core.recorded([name for name, _ in chosen], state.t, state.q)
