@@ -14,7 +14,7 @@ from partita.results.sensitivities import Observing, backward, derivatives, held
 AIM = 6.0
 """Times the run."""
 MANY, FEW = 100, 8
-LINKAGES = {"four-bar": ("A", 20.0), "jansen-leg": ("crank", 30.0), "delta": ("shoulder 1", 4.0)}
+LINKAGES = {"four-bar": ("A", 20.0), "jansen-leg": ("crank", 30.0), "delta": ("shoulder 1", 40.0)}
 """With the joint that is observed, and seconds."""
 
 
