@@ -41,9 +41,11 @@ OPTIONS = frozenset(inspect.signature(simulate).parameters) - {
     "self", "duration", "initial", "events", "parameters", "rtol", "atol"
 }  # fmt: skip
 """What `options` of a gradient may contain."""
-FEW = 16
-"""Numbers up to which derivatives are carried forwards. Unit: number. Reason: two passes with eight each cost about as
-much as the recordings of one backwards."""
+FORWARD_STEPS = 60
+"""Steps, summed over passes, up to which derivatives are carried forwards. Unit: number. Reason: measured; the
+recordings of a way back take about as long as so many steps with eight derivatives each."""
+TOGETHER = 8
+"""Derivatives that are carried in one pass. Unit: number. Reason: the lanes of the core."""
 CHECKED = 1e-4
 """Changes of numbers by which a gradient is checked. Scale: the number, or 1. Reason: extrapolated once, the error of
 differences is as small as what a run at these tolerances leaves."""
@@ -329,6 +331,12 @@ class _Leaves:
                 self._order.append((of, "time", len(self._times)))
                 self._times.append(name)
 
+    @property
+    def _is_long(self) -> bool:
+        """Whether the way back costs less."""
+        passes = -(-self._count // TOGETHER)
+        return passes * int(self._run.counters["steps"]) > FORWARD_STEPS
+
     def compute(self, of: Objective, method: str) -> tuple[float, Array]:
         """Value and derivatives of the objective whose parts were gathered."""
         peaks = {t for _, t in self._peaks}
@@ -339,7 +347,7 @@ class _Leaves:
                 'the peak lies at an event, which method="adjoint" does not follow; take method="forward"',
                 argument="method",
             )
-        if method == "adjoint" or (method == "auto" and apart and self._count > FEW):
+        if method == "adjoint" or (method == "auto" and apart and self._is_long):
             try:
                 found = self._backward(of)
             except DescriptionError as error:
