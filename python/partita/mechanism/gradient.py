@@ -31,6 +31,7 @@ from ..results.sensitivities import (
     observed,
 )
 from ..state import State
+from ..units import Quantity
 from .models import Modelled
 from .solve import assemble, simulate
 from .through import ATOL_OF_DERIVATIVES, RTOL_OF_DERIVATIVES
@@ -62,7 +63,7 @@ def gradient(
     of: Any,
     by: Any,
     *,
-    duration: float,
+    duration: Quantity,
     held: Any = None,
     initial: State | None = None,
     events: Iterable[Any] | None = None,
@@ -161,7 +162,7 @@ class _Case:
 
     mechanism: Modelled
     objective: Objective
-    duration: float
+    duration: Quantity
     initial: State | None
     events: tuple[Any, ...]
     parameters: Mapping[str, ArrayLike]
@@ -169,7 +170,7 @@ class _Case:
     atol: float
     options: Mapping[str, Any]
 
-    def run(self, changes: Mapping[str, ArrayLike], initial: State | None, duration: float | None = None) -> Result:
+    def run(self, changes: Mapping[str, ArrayLike], initial: State | None, duration: Quantity | None = None) -> Result:
         """The run with changed numbers."""
         # the steps of long runs stay together
         with raised(step_bytes=1 << 31):
@@ -201,7 +202,7 @@ class _Case:
         """Parameters, start and duration with one direction moved."""
         direction = number.directions[i]
         if "end" in direction:
-            return {}, self.initial, self.duration + by
+            return {}, self.initial, float(run.t[-1] - run.t[0]) + by
         changes: dict[str, Any] = {}
         present = dict(run._source.model.parameters())  # type: ignore[union-attr]
         for name, seed in direction.get("parameters", ()):
