@@ -607,8 +607,9 @@ def tapes(
     counts: list[int],
     parameters: list[tuple[str, int]],
     independent: list[int] | None,
+    observed: str,
 ) -> tuple[dict[str, tuple[Any, ...]], list[int], list[str]]:
     """The equations as tapes in the coordinates chosen at the closed position q, or in those named: "motion", "closed"
     and "residual", each (codes, operands, constants, outputs, names and sizes of parts of its outputs, tables); also
     the independent velocities, and names of operations. Inputs: force and component, or a drive; `first` their numbers
-    as for a stepper; `counts` how many numbers of each are inputs."""
+    as for a stepper; `counts` how many numbers of each are inputs. `observed`: what is observed beside, JSON."""

@@ -180,6 +180,29 @@ def test_drives_and_components_of_forces_are_inputs() -> None:
     assert effort == pytest.approx(np.ravel(run.drive("motor").effort)[-1], abs=1e-8)
 
 
+def test_sensors_are_outputs() -> None:
+    """Rates, measures, forces, vectors and expressions, those of a run; what cannot be one is named."""
+    m = pt.catalogue.load("four-bar")
+    rate = m.add_sensor("rate", "D", "velocity")
+    along = m.add_sensor("along", pt.Along("ground", (0, 0, 0), (1, 0, 0), "coupler", (0.1, 0, 0)), "velocity")
+    m.add_sensor("pin", "D", "force")
+    m.add_sensor("both", 2.0 * rate - along * along)
+    names = ["both", "pin", "v", "along", "rate"]
+    state = m.assemble({"A": 0.3}, {"A": 5.0})
+    run = m.simulate(1e-6, initial=state)
+    f, g = m.export_casadi(outputs=names, initial=state), m.to_jax(outputs=names, initial=state)
+    values = f.further(state.t, f.state(state), [], [])
+    of_jax = g.further(state.t, g.state(state))
+    for name, value in zip(names, values, strict=True):
+        if name != "v":
+            wanted = np.asarray(run.sensor(name).values[0])
+            assert near(np.array(value).reshape(wanted.shape), wanted, 1e-9), name
+            assert near(np.asarray(of_jax[name]), wanted, 1e-9), name
+    m.add_sensor("turning", "coupler", "angular_velocity")
+    with pytest.raises(pt.errors.ArgumentError, match='"turning" reads'):
+        m.export_casadi(outputs=["turning"])
+
+
 def test_reactions_are_those_of_a_run_and_those_not_determined_are_refused() -> None:
     m = pt.catalogue.load("spatial-four-bar")
     state = moving(m)[0]

@@ -1,12 +1,13 @@
 //! The equations of a mechanism as tapes, which other tools replay over numbers of their own.
 //!
 //! ```text
-//! motion    t | q | v_I | u | parameters   q', v_I', v, v', λ, Φ, bodies, joints, energies, reactions, ...   (S2, P1-P3, R1)
+//! motion    t | q | v_I | u | parameters   q', v_I', v, v', λ, Φ, bodies, joints, reactions, sensors, ...    (S2, P1-P3, R1)
 //! closed    t | q | v_I | u | parameters   q with the remainder of S3 removed once                              (34)
 //! residual  t | q | v   | u | parameters   Φ, C, a, b, M, h, q'                                              (S1-S5)
 //! ```
 //! `u` are inputs: efforts, and motions of drives with their derivatives.
 
+use crate::carried::{CarriedState, Observable};
 use crate::error::DescriptionError;
 use crate::evaluator::Evaluator;
 use crate::model::Model;
@@ -87,16 +88,17 @@ impl NamedRecording {
 
 impl Model {
     /// The recordings for the choice of a reduction, with inputs in the places of numbers given from outside, and these
-    /// parameters.
+    /// parameters; the motion with what is observed, too.
     ///
     /// # Errors
-    /// As [`over_with`](Self::over_with), and for functions that are known in `f64` alone; parameters of a repaired
-    /// drawing, which other numbers would repair differently.
+    /// As [`over_with`](Self::over_with) and [`observers`](Self::observers), and for functions that are known in `f64`
+    /// alone; parameters of a repaired drawing, which other numbers would repair differently.
     pub fn tapes(
         &self,
         r: &Reduction<Self>,
         channels: &[Channel],
         parameters: &[Varied],
+        observed: &[Observable],
     ) -> Result<Tapes, DescriptionError> {
         let refused = |e: &SystemError| {
             DescriptionError::new("mechanism", &self.spec.name, format!("its equations cannot be recorded: {e}"))
@@ -107,6 +109,8 @@ impl Model {
                            set them by with_parameters, or draw it without the error";
             return Err(DescriptionError::new("parameter", name, message));
         }
+        // names are checked before, as errors of a recording are those of its equations
+        self.observers(&self.over_with::<Recorder>(&[])?, observed, "outputs")?;
         let (size, k) = (self.size(), r.choice().k());
         let (nq, nv) = (size.nq, size.nv);
         let acting: usize = channels.iter().map(|c| c.count()).sum();
@@ -138,7 +142,7 @@ impl Model {
             |x: &[Recorder], velocities: usize| (x[0], x[1..1 + nq].to_vec(), x[1 + nq..1 + nq + velocities].to_vec());
         Ok(Tapes {
             motion: NamedRecording::new(inputs(k), given(k), |x| {
-                self.record_motion(&over(x, k)?, r, state(x, k)).map_err(|e| refused(&e))
+                self.record_motion(&over(x, k)?, r, state(x, k), observed).map_err(|e| refused(&e))
             })?,
             closed: NamedRecording::new(inputs(k), given(k), |x| {
                 let (e, (t, mut q, _)) = (over(x, k)?, state(x, k));
@@ -158,6 +162,7 @@ impl Model {
         e: &Evaluator<Recorder>,
         r: &Reduction<Self>,
         (t, q, u): (Recorder, Vec<Recorder>, Vec<Recorder>),
+        observed: &[Observable],
     ) -> Result<Parts, SystemError> {
         let (choice, size) = (r.choice(), self.size());
         let zeros = |n: usize| vec![Recorder::zero(); n];
@@ -183,6 +188,10 @@ impl Model {
         let [kinetic, potential, _] = e.energies(t, &q, &v, &s)?;
         let found = e.reactions(t, &q, &v, &vdot, &lambda, &mut s)?;
         let reactions = found.joints.iter().flat_map(|w| w.force.0.into_iter().chain(w.moment.0)).collect();
+        let observers =
+            self.observers(e, observed, "outputs").map_err(|e| SystemError::argument("outputs", e.to_string()))?;
+        let mut sensors = zeros(observed.len());
+        observers.read(e, &mut s, &CarriedState { t, q: &q, v: &v, forces: Some((&vdot, &lambda)) }, &mut sensors)?;
         let udot = choice.independent.iter().map(|&i| vdot[i]).collect();
         Ok(vec![
             ("qdot", qdot),
@@ -197,6 +206,7 @@ impl Model {
             ("joints", joints),
             ("energy", vec![kinetic, potential]),
             ("reactions", reactions),
+            ("sensors", sensors),
         ])
     }
 

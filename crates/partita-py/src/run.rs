@@ -414,7 +414,7 @@ impl Account {
 type Derived = Vec<(f64, Vec<f64>)>;
 
 /// What is asked of derivatives, as the Python package writes it.
-fn read_asked<T: serde::de::DeserializeOwned>(py: Python<'_>, text: &str) -> PyResult<T> {
+pub(crate) fn read_asked<T: serde::de::DeserializeOwned>(py: Python<'_>, text: &str) -> PyResult<T> {
     serde_json::from_str(text)
         .map_err(|e| raise(py, "ArgumentError", &format!("derivatives: {e}"), &[("argument", "by".into())]))
 }

@@ -3,9 +3,11 @@
 use crate::arrays::vector;
 use crate::failure::{self, guarded};
 use crate::model::Model;
+use crate::run::read_asked;
 use crate::stepper::{with_inputs, Input};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, ToPyArray};
 use partita_math::scalar::{Lookup, PlainTape};
+use partita_model::carried::Observable;
 use partita_model::motion_programs::Varied;
 use partita_model::tapes::{Channel, NamedRecording};
 use partita_system::prelude::*;
@@ -47,9 +49,9 @@ fn plain<'py>(py: Python<'py>, made: &NamedRecording) -> PyResult<Plain<'py>> {
 /// The equations as tapes in the coordinates chosen at the closed position q, or in those named: "motion", "closed" and
 /// "residual", each (codes, operands, constants, outputs, names and sizes of the parts of its outputs, tables); also the
 /// independent velocities, and names of operations. Inputs: force and component, or a drive; their first numbers, as for a
-/// stepper; and how many numbers of each are inputs.
+/// stepper; and how many numbers of each are inputs. What is observed beside, as JSON.
 #[pyfunction]
-#[pyo3(signature = (model, t, q, inputs, first, counts, parameters, independent))]
+#[pyo3(signature = (model, t, q, inputs, first, counts, parameters, independent, observed))]
 pub(crate) fn tapes<'py>(
     py: Python<'py>,
     model: &Bound<'py, Model>,
@@ -60,6 +62,7 @@ pub(crate) fn tapes<'py>(
     counts: Vec<usize>,
     parameters: Vec<Varied>,
     independent: Option<Vec<usize>>,
+    observed: &str,
 ) -> PyResult<Tapes<'py>> {
     guarded(py, || {
         let model = model.get().inner();
@@ -72,7 +75,8 @@ pub(crate) fn tapes<'py>(
         let rank = start::analyse(&own, t, &q).map_err(system)?.rank;
         let mut r = Reduction::new(&own, rank);
         start::choose_partition(&mut r, t, &q, None, independent.as_deref()).map_err(system)?;
-        let made = own.tapes(&r, &channels, &parameters).map_err(|e| failure::description(py, &e))?;
+        let observed: Vec<Observable> = read_asked(py, observed)?;
+        let made = own.tapes(&r, &channels, &parameters, &observed).map_err(|e| failure::description(py, &e))?;
         let found = PyDict::new(py);
         for (name, tape) in [("motion", &made.motion), ("closed", &made.closed), ("residual", &made.residual)] {
             found.set_item(name, plain(py, tape)?)?;

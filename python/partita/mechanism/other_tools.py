@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -20,6 +21,7 @@ from ..numeric import is_list, shown
 from ..options import velocities, yes_or_no
 from ..replay import CasadiEquations, JaxEquations, Output, Recorded, SympyEquations, Tape
 from ..results.run import Run
+from ..results.sensitivities import Observing
 from ..sensing.instant import StateSignals
 from ..state import State
 from .inputs import Courses, Input, inputs_of
@@ -60,8 +62,8 @@ def export_casadi(
         parameters: p. Names of numbers as in `m.compile().parameters`; those of several become "A.point.x", ...
         outputs: "BODY.position" (3), "BODY.rotation" (3, 3), "JOINT.point" (3), "JOINT.force" and "JOINT.moment" (3) on
             its child, or one component, "JOINT.force.x"; "energy.kinetic", "energy.potential", "v", "vdot",
-            "multipliers", "phi"; all in world axes, SI. "excess" is above 0 where the choice of coordinates does not
-            serve.
+            "multipliers", "phi"; all in world axes, SI. Also sensors, which come first where names are the same, if
+            they read positions, rates or forces. "excess" is above 0 where the choice of coordinates does not serve.
         independent: names of the independent velocities; None: the best choice at `initial`.
         initial: a state on the branch of the loops; None: the drawing, assembled, at rest.
         closing_rate: rate [1/s] at which `rates` reduces closure errors by a first-order term, for integrators that
@@ -257,9 +259,13 @@ def _recorded(
         known = model.velocity_names
         fixed = [known.index(name) for name in velocities("independent", independent, known)]
     varied = [(name, len(values)) for name, values in present.items()]
-    raw, chosen, operations = model._taped(state.t, state.q, courses.indices, first.tolist(), counts, varied, fixed)
+    wanted_outputs = _listed("outputs", outputs)
+    observed, sensed = _observed(model, state, [name for name in wanted_outputs if name in model.sensors])
+    raw, chosen, operations = model._taped(
+        state.t, state.q, courses.indices, first.tolist(), counts, varied, fixed, json.dumps(observed)
+    )
     tapes = {name: Tape.of(operations, one) for name, one in raw.items()}
-    shown_outputs = [_output(model, tapes["motion"], name) for name in _listed("outputs", outputs)]
+    shown_outputs = [sensed.get(name) or _output(model, tapes["motion"], name) for name in wanted_outputs]
     _determined(model, state, shown_outputs)
     own = layout_of(self, "relative")[0]
     made = Recorded(
@@ -370,8 +376,25 @@ def _output(model: CompiledModel, tape: Tape, name: str) -> Output:
             return Output(name, "reactions", at, ())
     known = [f"{body}.{part}" for body in bodies for part in ("position", "rotation")]
     known += [f"{joint}.{part}" for joint in joints for part in ("point", "force", "moment")]
-    known += ["energy.kinetic", "energy.potential", *_WHOLE]
+    known += ["energy.kinetic", "energy.potential", *_WHOLE, *model.sensors]
     return _output(model, tape, known[index_of(name, known, "output")])
+
+
+def _instant(model: CompiledModel, state: State) -> Run:
+    """The state as a run of one output."""
+    vdot, multipliers = model.core.acceleration(state.t, state.q, state.v)
+    return run_of(Run, model, np.array([state.t]), state.q[None], state.v[None], vdot[None], multipliers[None])
+
+
+def _observed(model: CompiledModel, state: State, names: list[str]) -> tuple[list[Any], dict[str, Output]]:
+    """Sensors as what the core observes, and where each is found among them."""
+    found, sensed = list[Any](), dict[str, Output]()
+    observing = Observing(_instant(model, state)) if names else None
+    for name in names:
+        one = observing.sensor(name) if observing is not None else []
+        sensed[name] = Output(name, "sensors", len(found), (len(one),) if isinstance(one, list) else ())
+        found += one if isinstance(one, list) else [one]
+    return found, sensed
 
 
 def _determined(model: CompiledModel, state: State, outputs: list[Output]) -> None:
@@ -379,8 +402,7 @@ def _determined(model: CompiledModel, state: State, outputs: list[Output]) -> No
     reactions = [output for output in outputs if output.part == "reactions"]
     if not reactions:
         return
-    vdot, multipliers = model.core.acceleration(state.t, state.q, state.v)
-    run = run_of(Run, model, np.array([state.t]), state.q[None], state.v[None], vdot[None], multipliers[None])
+    run = _instant(model, state)
     for output in reactions:
         number, at = divmod(output.first, 6)
         joint = model.summary["joints"][number]["name"]

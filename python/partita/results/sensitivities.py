@@ -251,6 +251,10 @@ class Observing:
             )
         return found
 
+    def sensor(self, name: str) -> Values:
+        """A sensor by its name: a number, or the components of a vector."""
+        return self._named(name)
+
     def joint(self, name: str, reads: str, coordinate: int = 0) -> Observable:
         """The position or the rate of a joint."""
         return {"formula": {reads: {"of": "joint", "joint": name, "coordinate": coordinate}}}
