@@ -15,7 +15,7 @@ from scipy.optimize import fsolve
 from scipy.special import ellipk
 
 import partita as pt
-from partita.errors import ArgumentError, DescriptionError
+from partita.errors import ArgumentError, DescriptionError, EvaluationError
 from partita.mechanism import monodromy
 
 Array = NDArray[np.float64]
@@ -538,3 +538,22 @@ def test_the_example_meets_its_known_values(tmp_path: Path, capsys: pytest.Captu
     assert len(lines) == 5 and max(float(line.split()[-1]) for line in lines) < CLOSE
     drawn, shown = ((folder / "cycles.svg").read_text("utf-8") for folder in (tmp_path, root / "docs" / "pictures"))
     assert 0.8 < len(drawn) / len(shown) < 1.25 and len(shown) < 250_000
+
+
+def test_a_period_that_is_none_is_refused() -> None:
+    """Loads that change over seconds, and times within which nothing does; a run that would not end."""
+    m = pt.Mechanism("shaken mass", gravity=None)
+    mass = m.add_body("mass", mass=1.0, inertia=(1, 1, 1))
+    m.add_prismatic("S", m.ground, mass, axis=(1, 0, 0))
+    m.add_torsion_spring("S", stiffness=4.0, damping=0.4)
+    m.add_force(mass, (lambda t, state: np.cos(3.0 * t), 0, 0))
+    for period in (1e-12, 1e-30):
+        with pytest.raises(ArgumentError, match="nothing changes within"):
+            m.cycle(period)
+    with pytest.raises(ArgumentError, match="nothing moves in that time"):
+        m.cycle(1e-308)
+    with (
+        pt.limits.raised(cycle_steps=2000),
+        pytest.raises(EvaluationError, match=r"is that its period.*cycle_steps=20000"),
+    ):
+        m.cycle(1e9)

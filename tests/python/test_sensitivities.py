@@ -358,3 +358,14 @@ def test_an_event_that_only_touches_ends_derivatives() -> None:
         pytest.skip("rounding decides whether what touches is found")
     with pytest.raises(ArgumentError, match=r'"ceiling".*only touches'):
         m.gradient("z", by=pt.start_rate("z"), duration=1.0, initial=start, events=[ceiling])
+
+
+def test_the_cheaper_way_is_taken() -> None:
+    """By the steps of all passes: few go forwards, many numbers or a long run backwards."""
+    m = pt.catalogue.load("four-bar")
+    masses = [f"{body}.mass" for body in ("crank", "coupler", "rocker")]
+    every = [*masses, *(f"{body}.com" for body in ("crank", "coupler", "rocker")), "gravity", "A.point", "D.point"]
+    taken = [m.gradient("D", by=by, duration=d) for by, d in ((masses, 0.1), (masses, 10.0), (every, 2.0))]
+    assert [len(g.by) for g in taken] == [3, 3, 9]
+    assert [g.method for g in taken] == ["forward", "adjoint", "adjoint"]
+    assert taken[0].run.counters["steps"] < 30 < 300 < taken[1].run.counters["steps"]
