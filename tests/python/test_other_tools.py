@@ -11,6 +11,8 @@ import pytest
 from thorough import either
 
 import partita as pt
+from partita.replay import for_casadi, for_jax, for_sympy
+from partita.replay.tape import OPERANDS, Entry
 
 casadi = pytest.importorskip("casadi")
 jax = pytest.importorskip("jax")
@@ -178,6 +180,26 @@ def test_drives_and_components_of_forces_are_inputs() -> None:
     assert near(k.rates(0.4, state.q, u, []), state.v, 1e-9)
     effort = np.array(k.further(0.4, state.q, u, [])).ravel()[-1]
     assert effort == pytest.approx(np.ravel(run.drive("motor").effort)[-1], abs=1e-8)
+
+
+def test_every_operation_of_the_core_has_a_form() -> None:
+    """Over CasADi, SymPy and JAX: a recording holds nothing that one of them could not replay."""
+    m = pt.catalogue.load("four-bar")
+    operations = m.compile()._taped(0.0, m.assemble().q, [], [], [], [], None, "[]")[2]
+    assert len(set(operations)) == len(operations) > 20
+    for name in operations:
+        if name in ("input", "constant"):
+            continue
+        entry = Entry(100, name, (0, 1, 2)[: OPERANDS[name]], 2.0)
+        for applied, package, symbol, last in (
+            (for_casadi.applied, casadi, casadi.SX.sym, False),
+            (for_sympy.applied, sympy, sympy.Symbol, sympy.Float(2.0)),
+        ):
+            x: list[Any] = [symbol(letter) for letter in "xyz"]
+            if name == "interval":
+                x[1:] = [1.0], [2.0, 3.0]
+            assert applied(package, entry, x, last) is not None, name
+        assert name == "interval" or name in for_jax._LINES
 
 
 def test_sensors_are_outputs() -> None:

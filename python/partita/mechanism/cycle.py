@@ -129,7 +129,7 @@ def cycle(
     start = _fitting(own, start_of(self, initial, own.model_at(first), "relative", own.parameters_at(first)), first)
     count = run_options.count(periods, "periods")
     settling = None if settle is None else _whole(settle)
-    time = None if guess is None else run_options.positive("guess", run_options.si("guess", guess, "s"))
+    time = None if guess is None else run_options.positive("guess", guess, "s")
     duration, kind = _duration(own, start, period, first, count)
     setting = Setting(self, own.model_at, own.parameters_at, duration)
     if line is not None:

@@ -389,9 +389,11 @@ def _instant(model: CompiledModel, state: State) -> Run:
 def _observed(model: CompiledModel, state: State, names: list[str]) -> tuple[list[Any], dict[str, Output]]:
     """Sensors as what the core observes, and where each is found among them."""
     found, sensed = list[Any](), dict[str, Output]()
-    observing = Observing(_instant(model, state)) if names else None
+    if not names:
+        return found, sensed
+    observing = Observing(_instant(model, state))
     for name in names:
-        one = observing.sensor(name) if observing is not None else []
+        one = observing.sensor(name)
         sensed[name] = Output(name, "sensors", len(found), (len(one),) if isinstance(one, list) else ())
         found += one if isinstance(one, list) else [one]
     return found, sensed

@@ -171,7 +171,7 @@ class RegressionStudy:
             others = [name for name in known if name not in {course.name for course in chosen}]
             notes.append(f"positions of {', '.join(others)} are not used: those of the others determine the motion")
         arrays = [np.column_stack(own) for own in levels]
-        for word, array in zip(("positions", "rates", "accelerations"), arrays, strict=True):
+        for word, array in zip(("rates", "accelerations"), arrays[1:], strict=True):
             _finite(word, array)
         count = len(arrays[0])
         return MeasuredMotion(

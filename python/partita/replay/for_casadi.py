@@ -183,7 +183,7 @@ def applied(ca: Any, entry: Entry, x: list[Any], unselected: bool) -> Any:
             for start, number in zip(breaks, numbers, strict=True):
                 found = ca.if_else(at >= start, number, found)
             return found
-    raise NotImplementedError(entry.operation)  # a new operation of the core
+    raise AssertionError(f"the core records {entry.operation!r}, which has no form here")
 
 
 def _root(ca: Any, x: Any) -> Any:

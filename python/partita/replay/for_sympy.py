@@ -251,4 +251,4 @@ def applied(sp: Any, entry: Entry, x: list[Any], c: Any) -> Any:
             at, breaks, numbers = x
             pieces = [(number, at < end) for number, end in zip(numbers, breaks, strict=False)]
             return sp.Piecewise(*pieces, (numbers[-1], True))
-    raise NotImplementedError(entry.operation)  # a new operation of the core
+    raise AssertionError(f"the core records {entry.operation!r}, which has no form here")
